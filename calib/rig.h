@@ -1,0 +1,37 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include <Eigen/Geometry>
+
+#include "calib/camera_model.h"
+
+namespace vantage {
+
+/// One robot's measured geometry and the limits it is run at: what a rig file holds (calib/rigs/*.yaml).
+struct Rig {
+  CameraModel camera;            ///< the (left) camera
+  double stereo_baseline_m = 0;  ///< right camera at +x of the left one, same intrinsics; 0: a single camera
+  Eigen::Isometry3d T_wrist_camera = Eigen::Isometry3d::Identity();
+  double linear_speed_limit_m_s = 0;
+  double angular_speed_limit_rad_s = 0;
+};
+
+/// Reads a rig file. \throws InputError "file:line: key: …" for an unknown key, a wrong type or unit, a value that
+/// makes no sense (a negative baseline, a camera that is not valid).
+Rig load_rig(const std::filesystem::path& path);
+
+/// The camera of a recording and the unit of its depth images.
+struct RecordingCamera {
+  CameraModel camera;           ///< width and height are 0 when the file does not tell them
+  double depth_unit_m = 0.001;  ///< metres of one step of a 16-bit depth image
+};
+
+/// Reads the camera.yaml of a recording in TUM layout: fx, fy, cx, cy in pixels; optionally width, height,
+/// depth_scale_m and `distortion`: none, a list of four or five coefficients (radial-tangential), or radtan /
+/// equidistant with the list under `coefficients`. Other keys are passed over: recordings come from elsewhere. \throws
+/// InputError as load_rig.
+RecordingCamera load_recording_camera(const std::filesystem::path& path);
+
+}  // namespace vantage
