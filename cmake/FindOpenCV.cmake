@@ -1,7 +1,7 @@
 # Finds single OpenCV modules as Debian packages them (libopencv-core-dev, ...), and makes the targets opencv_<module>.
 #
-# OpenCV's own config file comes with libopencv-dev alone, which drags in VTK, GDAL, OpenMPI and 200 packages more than
-# the modules that are used here. Where it is present it is used.
+# OpenCV's own config file comes with libopencv-dev alone, which drags in VTK, the GUI and the other modules,
+# some 40 packages that are not used here. Where it is present it is used.
 find_package(OpenCV QUIET NO_MODULE)
 if(OpenCV_FOUND)
   return()

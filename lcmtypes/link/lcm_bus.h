@@ -1,0 +1,30 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "lcmtypes/link/message_bus.h"
+
+namespace vantage {
+
+/// The bus between computers: LCM over UDP multicast.
+class LcmBus final : public MessageBus {
+ public:
+  /// Stays on this machine (TTL 0) with a receive buffer of 4 MiB, where the kernel grants it.
+  static constexpr const char* kDefaultUrl = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304";
+
+  /// `url`: as LCM's LCM_DEFAULT_URL. \throws InputError with the mend when the machine has no multicast route, or LCM
+  /// does not take the address.
+  explicit LcmBus(const std::string& url = kDefaultUrl);
+  ~LcmBus() override;
+
+  void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
+  void subscribe(std::string_view channel, Handler handler) override;
+  bool handle(std::chrono::milliseconds timeout) override;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace vantage
