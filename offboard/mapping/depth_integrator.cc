@@ -1,0 +1,290 @@
+#include "offboard/mapping/depth_integrator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "offboard/mapping/depth_lookup.h"
+
+namespace vantage {
+namespace {
+
+constexpr int kEdge = OccupancyMap::kBrickEdge;
+constexpr float kNearest = 1e-4F;  // m; voxel centres nearer the camera's plane project nowhere useful
+
+/// Measured points by voxel: 0 none, else 1 + the VoxelUpdate.
+using HitMask = std::array<std::uint8_t, OccupancyMap::kBrickVoxels>;
+
+/// Full, half or quarter hit by a pixel's sigma against the voxel's edge; 0: too vague to hit a voxel.
+std::uint8_t hit_kind(double sigma_voxels) {
+  if (sigma_voxels <= 0.5) return static_cast<std::uint8_t>(VoxelUpdate::kHit) + 1;
+  if (sigma_voxels <= 1) return static_cast<std::uint8_t>(VoxelUpdate::kHalfHit) + 1;
+  if (sigma_voxels <= 2) return static_cast<std::uint8_t>(VoxelUpdate::kQuarterHit) + 1;
+  return 0;
+}
+
+class DepthIntegration {
+ public:
+  DepthIntegration(const DepthMap& depth_map, OccupancyMap* map, const std::vector<std::uint8_t>* only)
+      : depth_map_(depth_map),
+        map_(*map),
+        only_(only),
+        lookup_(depth_map, map->sensor_model()),
+        fx_(static_cast<float>(depth_map.camera.fx)),
+        fy_(static_cast<float>(depth_map.camera.fy)),
+        // Half a pixel is added once, so that truncation rounds.
+        cx_(static_cast<float>(depth_map.camera.cx + 0.5)),
+        cy_(static_cast<float>(depth_map.camera.cy + 0.5)),
+        resolution_(static_cast<float>(map->region().resolution_m)),
+        occlusion_range_(static_cast<float>(map->sensor_model().occlusion_range_m)),
+        marks_per_metre_(static_cast<float>(1 / map->mark_step_m())) {
+    const Eigen::Isometry3d T_camera_world = depth_map.T_world_camera.inverse();
+    axes_ = (T_camera_world.linear() * map->region().resolution_m).cast<float>();
+    // Centre of the region's first voxel, camera frame.
+    origin_ = T_camera_world * map->region().center(Eigen::Vector3i::Zero());
+    columns_ = T_camera_world.linear() * map->region().resolution_m;
+  }
+
+  IntegrationResult run() {
+    map_.next_revision();
+    scatter_hits();
+    const Eigen::Vector3i bricks = map_.size_bricks();
+    constexpr int kGroup = 4;  // bricks a group, each way: the first, coarse test
+    Eigen::Vector3i group;
+    for (group.z() = 0; group.z() < bricks.z(); group.z() += kGroup) {
+      for (group.y() = 0; group.y() < bricks.y(); group.y() += kGroup) {
+        for (group.x() = 0; group.x() < bricks.x(); group.x() += kGroup) {
+          integrate_group(group, (bricks - group).cwiseMin(kGroup));
+        }
+      }
+    }
+    result_.ok = true;
+    return result_;
+  }
+
+ private:
+  enum class Cover { kNothing, kAllFree, kMixed };
+
+  void scatter_hits();
+  void integrate_group(const Eigen::Vector3i& first, const Eigen::Vector3i& extent);
+  void integrate_brick(const Eigen::Vector3i& position, Cover cover);
+  Cover classify(const Eigen::Vector3i& first_voxel, const Eigen::Vector3i& voxels) const;
+  bool free_all(std::size_t brick);
+  bool update_voxels(const Eigen::Vector3i& position, OccupancyMap::Brick* brick, const HitMask* hits);
+  int footprint_half_width(float depth) const {
+    const float half = 0.5F * resolution_ * std::min(fx_, fy_) / std::max(depth, kNearest);
+    return static_cast<int>(std::min(half, static_cast<float>(DepthLookup::kMaxHalfWidth)));
+  }
+
+  const DepthMap& depth_map_;
+  OccupancyMap& map_;
+  const std::vector<std::uint8_t>* only_;
+  DepthLookup lookup_;
+  float fx_, fy_, cx_, cy_, resolution_, occlusion_range_, marks_per_metre_;
+  Eigen::Matrix3f axes_;     // steps of one voxel along x, y, z, camera frame
+  Eigen::Matrix3d columns_;  // the same, for positions far from the origin
+  Eigen::Vector3d origin_;
+  std::vector<std::uint32_t> hits_of_brick_;  // 1 + element of hits_; 0: none
+  std::vector<HitMask> hits_;
+  IntegrationResult result_;
+};
+
+void DepthIntegration::scatter_hits() {
+  hits_of_brick_.assign(map_.brick_count(), 0);
+  const CameraModel& camera = depth_map_.camera;
+  const Region& region = map_.region();
+  const double per_metre = 1 / region.resolution_m;
+  // In voxels from the region's corner: position = start + depth (corner direction + u across + v down).
+  const Eigen::Matrix3d rotation = depth_map_.T_world_camera.linear() * per_metre;
+  const Eigen::Vector3d start = region.to_voxels(depth_map_.T_world_camera.translation());
+  const Eigen::Vector3d across = rotation.col(0) / camera.fx, down = rotation.col(1) / camera.fy;
+  const Eigen::Vector3d corner = rotation.col(2) - across * camera.cx - down * camera.cy;
+  const Eigen::Array3d size = region.size_voxels.cast<double>();
+  const std::vector<float>& surface = lookup_.surface();
+  std::size_t pixel = 0;
+  for (int v = 0; v < camera.height; ++v) {
+    const Eigen::Vector3d row = corner + v * down;
+    for (int u = 0; u < camera.width; ++u, ++pixel) {
+      const float depth = surface[pixel];
+      if (depth == std::numeric_limits<float>::infinity()) continue;
+      const Eigen::Array3d at = start + static_cast<double>(depth) * (row + u * across);
+      if (!(at.x() >= 0 && at.y() >= 0 && at.z() >= 0 && at.x() < size.x() && at.y() < size.y() && at.z() < size.z())) {
+        continue;
+      }
+      const std::uint8_t kind = hit_kind(static_cast<double>(depth_map_.sigma_m[pixel]) * per_metre);
+      if (kind == 0) continue;
+      const Eigen::Vector3i voxel = at.cast<int>();
+      std::uint32_t& slot = hits_of_brick_[map_.brick_index(voxel / kEdge)];
+      if (slot == 0) {
+        hits_.push_back({});
+        slot = static_cast<std::uint32_t>(hits_.size());
+      }
+      std::uint8_t& hit = hits_[slot - 1][OccupancyMap::index_in_brick(voxel)];
+      if (hit == 0 || kind < hit) hit = kind;  // the smallest sigma's
+    }
+  }
+}
+
+/// What the image says of a box of voxels as a whole.
+DepthIntegration::Cover DepthIntegration::classify(const Eigen::Vector3i& first_voxel,
+                                                   const Eigen::Vector3i& voxels) const {
+  // The box of the voxels' centres, as an axis-parallel box of the camera frame around it.
+  const Eigen::Vector3d half = 0.5 * (voxels.cast<double>().array() - 1).matrix();
+  const Eigen::Vector3f center = (origin_ + columns_ * (first_voxel.cast<double>() + half)).cast<float>();
+  const Eigen::Vector3f spread = axes_.cwiseAbs() * half.cast<float>();
+  const float z_min = center.z() - spread.z(), z_max = center.z() + spread.z();
+  if (z_max <= kNearest) return Cover::kNothing;
+  if (z_min <= kNearest) return Cover::kMixed;
+  const float near = 1 / z_min, far = 1 / z_max;
+  const auto extreme = [near, far](float low, float high, float* min, float* max) {
+    *min = low * (low < 0 ? near : far);
+    *max = high * (high < 0 ? far : near);
+  };
+  float u_min, u_max, v_min, v_max;
+  extreme(center.x() - spread.x(), center.x() + spread.x(), &u_min, &u_max);
+  extreme(center.y() - spread.y(), center.y() + spread.y(), &v_min, &v_max);
+  u_min = fx_ * u_min + cx_;
+  u_max = fx_ * u_max + cx_;
+  v_min = fy_ * v_min + cy_;
+  v_max = fy_ * v_max + cy_;
+  const auto width = static_cast<float>(depth_map_.camera.width), height = static_cast<float>(depth_map_.camera.height);
+  // Slack for rounding, so that a voxel's own answer is never another.
+  constexpr float kPixelSlack = 0.05F, kDepthSlack = 1 + 1e-5F;
+  if (u_max < -kPixelSlack || v_max < -kPixelSlack || u_min > width + kPixelSlack || v_min > height + kPixelSlack) {
+    return Cover::kNothing;
+  }
+  const int reach = footprint_half_width(z_min) + 1;
+  const auto pixel = [](float at, float end) { return static_cast<int>(std::clamp(at, 0.0F, end)); };
+  const DepthLookup::Bounds bounds = lookup_.bounds(pixel(u_min, width) - reach, pixel(u_max, width) + reach,
+                                                    pixel(v_min, height) - reach, pixel(v_max, height) + reach);
+  if (z_min > kDepthSlack * (bounds.max_reach + occlusion_range_)) return Cover::kNothing;
+  const bool inside = u_min >= 1 && v_min >= 1 && u_max < width - 1 && v_max < height - 1;
+  return inside && z_max * kDepthSlack < bounds.min_free ? Cover::kAllFree : Cover::kMixed;
+}
+
+void DepthIntegration::integrate_group(const Eigen::Vector3i& first, const Eigen::Vector3i& extent) {
+  const Cover cover = classify(kEdge * first, kEdge * extent);
+  Eigen::Vector3i offset;
+  for (offset.z() = 0; offset.z() < extent.z(); ++offset.z()) {
+    for (offset.y() = 0; offset.y() < extent.y(); ++offset.y()) {
+      for (offset.x() = 0; offset.x() < extent.x(); ++offset.x()) {
+        const Eigen::Vector3i position = first + offset;
+        if (only_ != nullptr && (*only_)[map_.brick_index(position)] == 0) continue;
+        integrate_brick(position,
+                        cover == Cover::kMixed ? classify(kEdge * position, Eigen::Vector3i::Constant(kEdge)) : cover);
+      }
+    }
+  }
+}
+
+void DepthIntegration::integrate_brick(const Eigen::Vector3i& position, Cover cover) {
+  const std::size_t index = map_.brick_index(position);
+  const std::uint32_t slot = hits_of_brick_[index];
+  if (cover == Cover::kNothing && slot == 0) return;
+  bool changed = false;
+  if (cover == Cover::kAllFree && slot == 0) {
+    changed = free_all(index);
+  } else {
+    changed = update_voxels(position, &map_.open(index), slot == 0 ? nullptr : &hits_[slot - 1]);
+    map_.close(index, changed);
+  }
+  result_.bricks_changed += changed;
+}
+
+/// The whole brick is seen through.
+bool DepthIntegration::free_all(std::size_t brick) {
+  result_.voxels_missed += map_.brick_extent(map_.brick_position(brick)).prod();
+  LogOddsLevels& levels = map_.levels();
+  bool changed = false;
+  if (map_.dense(brick) == nullptr) {
+    const Level before = map_.uniform_level(brick), after = levels.after(VoxelUpdate::kMiss, before);
+    map_.set_uniform_level(brick, after);
+    changed = after != before;
+    if (changed) map_.touch(brick);
+    return changed;
+  }
+  OccupancyMap::Brick& voxels = map_.open(brick);
+  for (Level& level : voxels.level) {
+    const Level after = levels.after(VoxelUpdate::kMiss, level);
+    changed |= after != level;
+    level = after;
+  }
+  map_.close(brick, changed);
+  return changed;
+}
+
+bool DepthIntegration::update_voxels(const Eigen::Vector3i& position, OccupancyMap::Brick* brick, const HitMask* hits) {
+  LogOddsLevels& levels = map_.levels();
+  const Eigen::Vector3i extent = map_.brick_extent(position);
+  const Eigen::Vector3f first = (origin_ + columns_ * (kEdge * position).cast<double>()).cast<float>();
+  const float middle = (first + axes_ * Eigen::Vector3f::Constant(0.5F * (kEdge - 1))).z();
+  const std::vector<float>& free_limit = lookup_.free_limit_in_window(footprint_half_width(middle));
+  const std::vector<float>& surface = lookup_.surface();
+  const auto width = static_cast<float>(depth_map_.camera.width), height = static_cast<float>(depth_map_.camera.height);
+  std::int64_t hit_count = 0, missed = 0, marked = 0;
+  bool changed = false;
+  for (int z = 0; z < extent.z(); ++z) {
+    for (int y = 0; y < extent.y(); ++y) {
+      const Eigen::Vector3f row = first + static_cast<float>(y) * axes_.col(1) + static_cast<float>(z) * axes_.col(2);
+      std::array<float, kEdge> at_u, at_v, depth;
+      for (int x = 0; x < kEdge; ++x) {
+        const auto i = static_cast<std::size_t>(x);
+        const auto step = static_cast<float>(x);
+        depth[i] = row.z() + step * axes_(2, 0);
+        const float inverse = 1 / depth[i];
+        at_u[i] = fx_ * (row.x() + step * axes_(0, 0)) * inverse + cx_;
+        at_v[i] = fy_ * (row.y() + step * axes_(1, 0)) * inverse + cy_;
+      }
+      for (int x = 0; x < extent.x(); ++x) {
+        const auto lane = static_cast<std::size_t>(x);
+        const auto i = static_cast<std::size_t>(x | y << 3 | z << 6);
+        Level& level = brick->level[i];
+        VoxelUpdate update = VoxelUpdate::kMiss;
+        if (hits != nullptr && (*hits)[i] != 0) {
+          update = static_cast<VoxelUpdate>((*hits)[i] - 1);
+          ++hit_count;
+        } else {
+          const float u = at_u[lane], v = at_v[lane];
+          if (!(depth[lane] > kNearest && u >= 0 && v >= 0 && u < width && v < height)) continue;
+          const std::size_t pixel = static_cast<std::size_t>(v) * static_cast<std::size_t>(depth_map_.camera.width) +
+                                    static_cast<std::size_t>(u);
+          if (depth[lane] < free_limit[pixel]) {
+            ++missed;
+          } else {
+            if (!(depth[lane] > surface[pixel])) continue;
+            const Eigen::Vector3f point = row + static_cast<float>(x) * axes_.col(0);
+            const float behind = (depth[lane] - surface[pixel]) * point.norm() / depth[lane];
+            if (!(behind <= occlusion_range_)) continue;
+            const auto mark = static_cast<std::uint8_t>(1.5F + behind * marks_per_metre_);
+            if (brick->mark[i] == 0 || mark < brick->mark[i]) {
+              brick->mark[i] = mark;
+              changed = true;
+              ++marked;
+            }
+            continue;
+          }
+        }
+        const Level after = levels.after(update, level);
+        changed |= after != level;
+        level = after;
+      }
+    }
+  }
+  result_.voxels_hit += hit_count;
+  result_.voxels_missed += missed;
+  result_.voxels_marked += marked;
+  if (marked != 0) map_.set_has_marks(true);
+  return changed;
+}
+
+}  // namespace
+
+IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map,
+                                      const std::vector<std::uint8_t>* only) {
+  IntegrationResult result;
+  if (!depth_map.valid(&result.error)) return result;
+  return DepthIntegration(depth_map, map, only).run();
+}
+
+IntegrationResult OccupancyMap::integrate(const DepthMap& depth_map) { return integrate_depth_map(depth_map, this); }
+
+}  // namespace vantage

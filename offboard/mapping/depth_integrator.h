@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "lcmtypes/link/depth_map.h"
+#include "offboard/mapping/occupancy_map.h"
+
+namespace vantage {
+
+/// Voxel-projective integration of a depth image: every voxel in the frustum asks the image, not every ray the voxels.
+///
+/// A voxel is updated at most once an image, by the first rule that holds:
+///  1. hit: it holds a measured point within range. Full log-odds where the smallest sigma of its points is at most
+///  half
+///     a voxel (two thirds of the belief then lie in it), half up to one voxel, a quarter up to two, beyond none.
+///  2. miss: a pixel of its footprint sees through it: the largest free limit (surface less `free_margin_sigmas` sigma,
+///     cut at the maximum range) of the pixels under the voxel's inscribed sphere lies behind the voxel's centre.
+///  3. mark: the surface at its centre's pixel lies before it by at most d_max along the ray: d(x) becomes the smaller
+///     of what it was and that distance (Eq. 9). Known voxels are marked too, so that marks do not depend on the order
+///     of images; the gain reads the mark of unknown ones alone.
+///
+/// Only pixels in state kConverged speak. An edge pixel may belong to either side, so it neither hits, nor frees (it
+/// might free the near side's rim), nor marks; a pixel that did not converge says nothing of the space before it.
+///
+/// The pyramid of the image's extremes settles whole bricks: all seen through (one update for a uniform brick), or all
+/// out of reach. Both answers equal the voxel by voxel ones.
+///
+/// `only`, when given, has an entry for every brick of the map: bricks at 0 stay as they are.
+/// Refuses what DepthMap::valid refuses, the map unchanged.
+IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map,
+                                      const std::vector<std::uint8_t>* only = nullptr);
+
+}  // namespace vantage
