@@ -1,0 +1,187 @@
+// vantage-offboard: the workstation's program. Depth maps to a map, to gains, to the next best view.
+
+#include <atomic>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <iostream>
+#include <optional>
+
+#include <CLI/CLI.hpp>
+#include <signal.h>
+#include <spdlog/spdlog.h>
+
+#include "calib/files/input_error.h"
+#include "lcmtypes/link/depth_codec.h"
+#include "lcmtypes/link/event_log.h"
+#include "lcmtypes/link/lcm_bus.h"
+#include "offboard/planner_link.h"
+#include "offboard/replay.h"
+#include "offboard/session/map_check.h"
+
+namespace vantage {
+namespace {
+
+std::atomic<bool> interrupted = false;  // set by the signal handler alone
+
+/// What the command line says; what it does not say stays as the configuration has it.
+struct Arguments {
+  std::optional<std::string> config, views, truth, gain;
+  std::optional<std::int64_t> first_view, most_views;
+  std::optional<double> gain_threshold;
+  bool no_planning = false;
+  std::string session;
+  bool overwrite = false;
+  std::string lcm = LcmBus::kDefaultUrl;
+  std::string replay;
+  double speed = 1;
+  std::string hold_out;
+};
+
+std::string default_session_folder() {
+  std::time_t now = std::time(nullptr);
+  std::tm local{};
+  ::localtime_r(&now, &local);
+  char name[40];
+  std::strftime(name, sizeof name, "sessions/%Y%m%d-%H%M%S", &local);
+  return name;
+}
+
+void apply(const Arguments& arguments, SessionConfig* config) {
+  if (arguments.truth) config->truth = *arguments.truth;
+  if (arguments.no_planning) config->planning.reset();
+  const bool about_planning =
+      arguments.views || arguments.gain || arguments.first_view || arguments.most_views || arguments.gain_threshold;
+  if (!about_planning) return;
+  if (!config->planning) throw InputError("--views, --gain and the like: this session plans no views");
+  PlanningConfig& planning = *config->planning;
+  if (arguments.views) planning.views = *arguments.views;
+  if (arguments.first_view) planning.planner.first_view = *arguments.first_view;
+  if (arguments.most_views) planning.planner.most_views = *arguments.most_views;
+  if (arguments.gain_threshold) planning.planner.gain_threshold = *arguments.gain_threshold;
+  if (arguments.gain) {
+    std::string why;
+    const std::optional<Formulation> gain = parse_formulation(*arguments.gain, &why);
+    if (!gain) throw InputError("--gain " + *arguments.gain + ": " + why);
+    planning.gain = *gain;
+  }
+}
+
+PlannerEnd run_live(const Arguments& arguments, const Clock& clock, Session& session) {
+  LcmBus bus(arguments.lcm);
+  PlannerLink link(bus, clock, session, VANTAGE_VERSION);
+  PlannerEnd end;
+  while (!link.step(&end)) {
+    if (!interrupted) continue;
+    end = {session.planning() ? kExitFailure : kExitOk, "interrupted"};
+    break;
+  }
+  if (end.exit_status == kExitOk) {
+    link.say_finished(end.message);
+  } else {
+    link.say_failed(end.message);
+  }
+  return end;
+}
+
+/// Judges the map by depth maps that were kept out of it.
+void check_against(const std::string& log, const OccupancyMap& map) {
+  constexpr int kRadiusVoxels = 2;
+  MapCheck check;
+  LogReader reader(log);
+  for (LogEvent event; reader.next(&event);) {
+    depth_map_t message;
+    DecodeCounters ignored;
+    std::string why;
+    if (event.channel != channel::kDepthMap || !decode_message(event.bytes, &message, &ignored)) continue;
+    if (const auto depth_map = unpack_depth_map(message, &why)) check_depth_map(map, *depth_map, kRadiusVoxels, &check);
+  }
+  std::printf(
+      "%s: %.4f of %lld points within %d voxels of an occupied one, %lld of %lld cameras in an occupied voxel\n",
+      log.c_str(), check.share(), static_cast<long long>(check.points), kRadiusVoxels,
+      static_cast<long long>(check.cameras_in_occupied), static_cast<long long>(check.cameras));
+}
+
+int run(const Arguments& arguments) {
+  const bool replaying = !arguments.replay.empty();
+  SessionConfig config;
+  if (replaying) {
+    const LogContents contents = examine_log(arguments.replay);
+    if (contents.config) config = *contents.config;
+  }
+  if (arguments.config) config = load_session_config(*arguments.config);
+  apply(arguments, &config);
+  if (!arguments.hold_out.empty()) examine_log(arguments.hold_out);
+  if (!replaying) LcmBus route_check(arguments.lcm);  // before the session's folder is made
+
+  const SystemClock clock;
+  const std::string folder = arguments.session.empty() ? default_session_folder() : arguments.session;
+  std::error_code ignored;
+  if (replaying && std::filesystem::equivalent(folder, std::filesystem::path(arguments.replay).parent_path(), ignored)) {
+    throw InputError("--session " + folder + ": is the folder of the log that is replayed; give another");
+  }
+  Session session(config, folder, arguments.overwrite, clock, std::cout);
+  std::cout << "session in " << folder << std::endl;
+  PlannerEnd end{kExitOk, ""};
+  if (replaying) {
+    replay_log(arguments.replay, arguments.speed, interrupted, session);
+    end.message = interrupted ? "interrupted" : session.finished() ? session.finish_reason() : "the log has ended";
+  } else {
+    end = run_live(arguments, clock, session);
+  }
+  session.write_results();
+  if (end.exit_status == kExitOk) {
+    spdlog::info("{}", end.message);
+  } else {
+    spdlog::error("{}", end.message);
+  }
+  if (!arguments.hold_out.empty()) check_against(arguments.hold_out, session.map());
+  std::cout << session.summary() << std::endl;
+  return end.exit_status;
+}
+
+}  // namespace
+}  // namespace vantage
+
+int main(int argc, char** argv) {
+  using namespace vantage;
+  CLI::App app("The workstation's program of Vantage: depth maps to a map, to the next best view.", "vantage-offboard");
+  Arguments arguments;
+  app.add_option("--session", arguments.session, "folder of this run (default: sessions/DATE-TIME)");
+  app.add_flag("--overwrite", arguments.overwrite, "replace the session that the folder holds");
+  app.add_option("--config", arguments.config, "configuration file (docs/offboard.md)");
+  app.add_option("--views", arguments.views, "candidate views, lines of x y z qx qy qz qw (default: the paper's 48)");
+  app.add_option("--gain", arguments.gain, "information gain: rear_side_entropy, occlusion_aware, ...");
+  app.add_option("--first-view", arguments.first_view, "id of the first view");
+  app.add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);
+  app.add_option("--gain-threshold", arguments.gain_threshold, "stop when no view gains as much (Eq. 13)");
+  app.add_option("--truth", arguments.truth, "PLY with points of the true surface, for the coverage");
+  app.add_flag("--no-planning", arguments.no_planning, "integrate what comes; choose no views");
+  app.add_option("--lcm", arguments.lcm, "LCM address")->capture_default_str();
+  auto* replay = app.add_option("--replay", arguments.replay, "replay an LCM log instead of listening to a robot");
+  app.add_option("--speed", arguments.speed, "of the replay: 1 as recorded, 0 without waiting")
+      ->needs(replay)
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--hold-out", arguments.hold_out, "LCM log of depth maps to judge the map by");
+  app.set_version_flag("--version", VANTAGE_VERSION);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitOk : kExitBadInput;
+  }
+  spdlog::set_pattern("vantage-offboard: %^%v%$");
+  struct sigaction action {};
+  action.sa_handler = [](int) { interrupted = true; };
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+  try {
+    return run(arguments);
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "vantage-offboard: %s\n", error.what());
+    return kExitBadInput;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "vantage-offboard: %s\n", error.what());
+    return kExitFailure;
+  }
+}

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/link/depth_map.h"
+#include "offboard/mapping/occupancy_map.h"
+#include "offboard/planning/utility.h"
+#include "offboard/planning/view_space.h"
+
+namespace vantage {
+
+/// G_v of a camera at each pose (T_world_camera) in the map.
+using GainFunction = std::function<std::vector<double>(const OccupancyMap& map, const CameraModel& camera,
+                                                       const std::vector<Eigen::Isometry3d>& poses)>;
+
+struct PlannerOptions {
+  std::int64_t first_view = 0;   ///< id of the view that is taken without a decision
+  std::int64_t most_views = 20;  ///< stop after so many depth maps
+  double gain_threshold = 0;     ///< g_thresh of Eq. 13: stop when no view gains as much; 0: never
+  double most_seconds = 0;       ///< stop so long after the first depth map, by the maps' own times; 0: never
+};
+
+/// What one depth map led to.
+struct PlannerStep {
+  std::int64_t step = 0;           ///< depth maps integrated, this one included
+  std::int64_t view_id = 0;        ///< where it was taken
+  double path_m = 0;               ///< length of the polygon through all views so far
+  std::vector<ScoredView> scores;  ///< of the candidates still open, by id; empty when the limit on views stopped first
+  std::optional<CandidateView> next;  ///< nothing: the run is over
+  std::string reason;                 ///< why this view, or why it is over
+};
+
+enum class PlannerState {
+  kAwaitingMap,  ///< a goal is set; its depth map has not come
+  kFinished
+};
+
+/// Next-best-view planning, one decision per depth map (paper.md, "Decision"):
+/// integrate → cost of each candidate → gain of each → utility → next best view → stop or go.
+///
+/// Deterministic: the same maps in the same order give the same steps to the bit. Knows neither time nor network.
+/// Visited views leave the candidate set. Movement cost is the distance between camera positions (Eq. 16).
+class Planner {
+ public:
+  /// `map` must outlive it. \throws InputError when there is no candidate `options.first_view`.
+  Planner(OccupancyMap& map, std::vector<CandidateView> candidates, GainFunction gain, const PlannerOptions& options);
+
+  PlannerState state() const { return state_; }
+  /// The view that is to be taken now; nothing when finished.
+  const std::optional<CandidateView>& goal() const { return goal_; }
+
+  /// Takes the depth map of the current goal, or of any other candidate (a replay of another planner's log). Nothing,
+  /// with the reason in `why` and nothing changed, when the run is over or the map can't be integrated.
+  std::optional<PlannerStep> take(const DepthMap& depth_map, std::string* why);
+
+ private:
+  void decide(const DepthMap& depth_map, PlannerStep* step);
+
+  OccupancyMap& map_;
+  std::vector<CandidateView> open_;  // not visited yet, by id
+  GainFunction gain_;
+  PlannerOptions options_;
+  PlannerState state_ = PlannerState::kAwaitingMap;
+  std::optional<CandidateView> goal_;
+  std::int64_t steps_ = 0;
+  std::int64_t first_utime_ = 0;
+  double path_m_ = 0;
+  Eigen::Vector3d last_position_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace vantage

@@ -1,0 +1,27 @@
+#include "offboard/planning/utility.h"
+
+#include <algorithm>
+#include <tuple>
+
+namespace vantage {
+
+void compute_utilities(std::vector<ScoredView>* views) {
+  double gains = 0, costs = 0;
+  for (const ScoredView& view : *views) {
+    gains += view.gain;
+    costs += view.cost;
+  }
+  for (ScoredView& view : *views) {
+    view.utility = (gains == 0 ? 0 : view.gain / gains) - (costs == 0 ? 0 : view.cost / costs);
+  }
+}
+
+std::optional<std::size_t> next_best_view(const std::vector<ScoredView>& views) {
+  if (views.empty()) return std::nullopt;
+  const auto best = std::min_element(views.begin(), views.end(), [](const ScoredView& a, const ScoredView& b) {
+    return std::make_tuple(-a.utility, a.cost, a.view_id) < std::make_tuple(-b.utility, b.cost, b.view_id);
+  });
+  return static_cast<std::size_t>(best - views.begin());
+}
+
+}  // namespace vantage

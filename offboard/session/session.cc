@@ -1,0 +1,195 @@
+#include "offboard/session/session.h"
+
+#include <ostream>
+
+#include <fmt/format.h>
+#include <vantage/session_config_t.hpp>
+
+#include "calib/files/atomic_file.h"
+#include "calib/files/input_error.h"
+#include "calib/files/ply.h"
+#include "lcmtypes/link/depth_codec.h"
+#include "lcmtypes/link/message_bus.h"
+#include "offboard/gain/view_gain.h"
+#include "offboard/mapping/octomap_io.h"
+
+namespace vantage {
+namespace {
+
+constexpr int kGainThreads = 2;  // the result does not depend on it
+
+std::vector<CandidateView> candidates_of(const PlanningConfig& planning) {
+  return planning.views.empty() ? cylinder_views() : read_views(planning.views);
+}
+
+GainFunction gain_function(const PlanningConfig& planning) {
+  return [planning](const OccupancyMap& map, const CameraModel& camera, const std::vector<Eigen::Isometry3d>& poses) {
+    GainOptions options;
+    options.threads = kGainThreads;
+    const RayBundle rays(camera, planning.ray_columns, planning.ray_rows);
+    std::vector<double> gains;
+    for (const ViewGain& view : evaluate_views(map, rays, poses, options)) gains.push_back(view[planning.gain]);
+    return gains;
+  };
+}
+
+std::vector<Eigen::Vector3f> read_truth(const std::filesystem::path& path) {
+  std::vector<Eigen::Vector3f> points = read_ply(path).points;
+  if (points.empty()) throw InputError(path.string() + ": holds no point of the true surface");
+  return points;
+}
+
+void copy_into(const std::filesystem::path& from, const std::filesystem::path& to) {
+  std::error_code error;
+  std::filesystem::copy_file(from, to, error);
+  if (error) throw InputError(to.string() + ": can't be written: " + error.message());
+}
+
+std::ofstream open_table(const std::filesystem::path& path, const char* columns) {
+  std::ofstream table(path);
+  table << columns << '\n' << std::flush;
+  if (!table) throw InputError(path.string() + ": can't be written");
+  return table;
+}
+
+std::string minutes(double seconds) {
+  const auto whole = static_cast<std::int64_t>(seconds + 0.5);
+  return fmt::format("{}:{:02}", whole / 60, whole % 60);
+}
+
+}  // namespace
+
+Session::Session(const SessionConfig& inputs, const std::filesystem::path& folder, bool overwrite, const Clock& clock,
+                 std::ostream& terminal)
+    : clock_(clock),
+      terminal_(terminal),
+      config_(inputs),
+      map_(inputs.region, inputs.sensor),
+      cloud_(inputs.region, inputs.cloud),
+      started_(clock.monotonic()) {
+  // Whatever can be wrong with the inputs is found before the folder is touched.
+  if (config_.planning) {
+    planner_ = std::make_unique<Planner>(map_, candidates_of(*config_.planning), gain_function(*config_.planning),
+                                         config_.planning->planner);
+  }
+  if (!config_.truth.empty()) coverage_.emplace(read_truth(config_.truth), config_.coverage_distance_m);
+
+  folder_ = make_session_folder(folder, overwrite);
+  if (!config_.truth.empty()) {
+    copy_into(config_.truth, folder_.truth());
+    config_.truth = folder_.truth().filename();
+  }
+  if (config_.planning && !config_.planning->views.empty()) {
+    copy_into(config_.planning->views, folder_.views());
+    config_.planning->views = folder_.views().filename();
+  }
+  AtomicFile config_file(folder_.config());
+  config_file.stream() << to_yaml(config_);
+  config_file.commit();
+  log_ = std::make_unique<LogWriter>(folder_.log());
+  session_config_t first;
+  first.utime = clock_.utime();
+  first.yaml = to_yaml(config_);
+  log(channel::kSessionConfig, encode_message(first));
+  steps_file_ = open_table(folder_.steps(),
+                           "step,view_id,path_m,occupied,free,uncertain,unobserved,entropy_nats,coverage,"
+                           "next_view_id,next_gain,next_cost_m,next_utility,reason");
+  scores_file_ = open_table(folder_.scores(), "step,view_id,gain,cost_m,utility");
+  timing_file_ = open_table(folder_.timing(), "step,seconds_since_start,integrate_and_decide_s");
+}
+
+Session::~Session() = default;
+
+const std::optional<CandidateView>& Session::goal() const {
+  static const std::optional<CandidateView> kNone;
+  return planner_ ? planner_->goal() : kNone;
+}
+
+void Session::log(std::string_view channel, std::span<const std::uint8_t> bytes) {
+  log_->write(clock_.utime(), channel, bytes);
+}
+
+bool Session::take(const depth_map_t& message, std::string* why) {
+  const std::chrono::nanoseconds begin = clock_.monotonic();
+  const std::optional<DepthMap> depth_map = unpack_depth_map(message, why);
+  if (!depth_map) return false;
+  PlannerStep step;
+  if (planner_) {
+    std::optional<PlannerStep> taken = planner_->take(*depth_map, why);
+    if (!taken) return false;
+    step = std::move(*taken);
+  } else {
+    const IntegrationResult integrated = map_.integrate(*depth_map);
+    if (!integrated.ok) return *why = integrated.error, false;
+    const Eigen::Vector3d position = depth_map->T_world_camera.translation();
+    if (last_position_) path_m_ += (position - *last_position_).norm();
+    last_position_ = position;
+    step.step = steps_ + 1;
+    step.view_id = depth_map->view_id;
+    step.path_m = path_m_;
+    step.reason = "integrated";
+  }
+  steps_ = step.step;
+  log(channel::kDepthMap, encode_message(message));
+  const std::vector<Eigen::Vector3f> added = cloud_.add(*depth_map);
+  if (coverage_) coverage_->add(added);
+  if (finished()) finish_reason_ = step.reason;
+  write_step(step);
+  report(step, std::chrono::duration<double>(clock_.monotonic() - begin).count());
+  return true;
+}
+
+void Session::write_step(const PlannerStep& step) {
+  const VoxelCounts counts = map_.counts();
+  steps_file_ << fmt::format("{},{},{},{},{},{},{},{},{},", step.step, step.view_id, step.path_m, counts.occupied,
+                             counts.free, counts.uncertain, counts.unobserved, map_.entropy_nats(),
+                             coverage_ ? fmt::format("{}", coverage_->share()) : "");
+  for (const ScoredView& view : step.scores) {
+    scores_file_ << fmt::format("{},{},{},{},{}\n", step.step, view.view_id, view.gain, view.cost, view.utility);
+    if (step.next && view.view_id == step.next->id) {
+      steps_file_ << fmt::format("{},{},{},{},", view.view_id, view.gain, view.cost, view.utility);
+    }
+  }
+  if (!step.next) steps_file_ << ",,,,";
+  steps_file_ << step.reason << '\n' << std::flush;
+  scores_file_ << std::flush;
+  if (!steps_file_ || !scores_file_)
+    throw InputError(folder_.steps().string() + ": writing failed (is the disk full?)");
+}
+
+void Session::report(const PlannerStep& step, double seconds) {
+  const double elapsed_s = std::chrono::duration<double>(clock_.monotonic() - started_).count();
+  timing_file_ << fmt::format("{},{:.3f},{:.4f}\n", step.step, elapsed_s, seconds) << std::flush;
+  std::string line;
+  if (planner_) {
+    const std::int64_t most = config_.planning->planner.most_views;
+    line = fmt::format("view {} of {}: no. {}", step.step, most, step.view_id);
+  } else {
+    line = fmt::format("depth map {}", step.step);
+  }
+  line += fmt::format(", path {:.2f} m, entropy {:.0f} nats", step.path_m, map_.entropy_nats());
+  if (coverage_) line += fmt::format(", coverage {:.3f}", coverage_->share());
+  if (planner_) {
+    if (step.next) {
+      const auto left = static_cast<double>(config_.planning->planner.most_views - step.step);
+      line += fmt::format("; next no. {}, {} left", step.next->id,
+                          minutes(left * elapsed_s / static_cast<double>(step.step)));
+    } else {
+      line += "; " + step.reason;
+    }
+  }
+  terminal_ << line << std::endl;
+}
+
+void Session::write_results() {
+  write_map(folder_.map(), map_);
+  write_ply(folder_.cloud(), {cloud_.points(), {}, {}});
+}
+
+std::string Session::summary() const {
+  const char* unit = planner_ ? "views" : "depth maps";
+  if (coverage_) return fmt::format("coverage {:.3f} after {} {}", coverage_->share(), steps_, unit);
+  return fmt::format("{} occupied voxels after {} {}", map_.counts().occupied, steps_, unit);
+}
+
+}  // namespace vantage

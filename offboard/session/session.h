@@ -1,0 +1,78 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <fstream>
+#include <iosfwd>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <vantage/depth_map_t.hpp>
+
+#include "lcmtypes/link/clock.h"
+#include "lcmtypes/link/event_log.h"
+#include "offboard/planning/planner.h"
+#include "offboard/session/session_config.h"
+#include "offboard/session/session_folder.h"
+#include "offboard/session/surface_coverage.h"
+
+namespace vantage {
+
+/// One run of the planner: takes depth maps, keeps the map, decides, and writes the session's folder as it goes.
+///
+/// Everything but timing.csv and the log's time stamps follows from the configuration and the depth maps alone: the
+/// same log replayed gives the same files to the byte. Live and replayed sessions differ only in who calls `take`.
+class Session {
+ public:
+  /// `inputs`: the configuration with paths that exist; files it names are copied into the folder first. `clock` and
+  /// `terminal`, where a line a view is written, must outlive it.
+  /// \throws InputError when a file of the configuration is not usable, or the folder is not.
+  Session(const SessionConfig& inputs, const std::filesystem::path& folder, bool overwrite, const Clock& clock,
+          std::ostream& terminal);
+  ~Session();
+
+  /// The view to be taken now; nothing when the run is over, or none is planned.
+  const std::optional<CandidateView>& goal() const;
+  bool planning() const { return planner_ != nullptr; }
+  /// True when no further depth map is wanted.
+  bool finished() const { return planner_ != nullptr && planner_->state() == PlannerState::kFinished; }
+  /// Why it finished; empty before.
+  const std::string& finish_reason() const { return finish_reason_; }
+
+  /// Integrates a depth map, decides, logs. False, with the reason in `why` and nothing changed, when it is refused.
+  bool take(const depth_map_t& message, std::string* why);
+
+  /// Adds an accepted message to the log.
+  void log(std::string_view channel, std::span<const std::uint8_t> bytes);
+
+  /// Writes map.ot and cloud.ply.
+  void write_results();
+
+  /// "coverage 0.913 after 12 views" where the truth is known, else what the map holds.
+  std::string summary() const;
+  const OccupancyMap& map() const { return map_; }
+  std::int64_t steps() const { return steps_; }
+
+ private:
+  void write_step(const PlannerStep& step);
+  void report(const PlannerStep& step, double seconds);
+
+  const Clock& clock_;
+  std::ostream& terminal_;
+  SessionConfig config_;
+  OccupancyMap map_;
+  SurfaceCloud cloud_;
+  std::optional<SurfaceCoverage> coverage_;
+  std::unique_ptr<Planner> planner_;
+  SessionFolder folder_;
+  std::unique_ptr<LogWriter> log_;
+  std::ofstream steps_file_, scores_file_, timing_file_;
+  std::chrono::nanoseconds started_;
+  std::int64_t steps_ = 0;
+  double path_m_ = 0;
+  std::optional<Eigen::Vector3d> last_position_;
+  std::string finish_reason_;
+};
+
+}  // namespace vantage

@@ -1,0 +1,164 @@
+#include "onboard/executive/executive.h"
+
+#include <chrono>
+#include <utility>
+
+#include "calib/files/input_error.h"
+
+namespace vantage {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kControlPeriod{20};
+constexpr std::chrono::milliseconds kAlivePeriod{200};  // between looks at an idle carrier
+constexpr std::chrono::milliseconds kFramePatience{500};
+constexpr std::chrono::seconds kFirstFramePatience{10};
+constexpr int kFrameAttempts = 20;
+
+}  // namespace
+
+Executive::Executive(FrameSource& camera, CameraCarrier& carrier, StereoDepth& depth, const FlightLimits& limits)
+    : camera_(camera), carrier_(carrier), depth_(depth), limits_(limits) {
+  Frame frame;
+  const FrameStatus status = camera_.next(&frame, kFirstFramePatience);
+  if (status != FrameStatus::kFrame) {
+    throw InputError("the camera gave no frame" + (camera_.end_reason().empty() ? "" : ": " + camera_.end_reason()));
+  }
+  DepthMap ignored;
+  if (std::string why; !depth_.compute(frame, &ignored, &why))
+    throw InputError("the camera does not fit the rig: " + why);
+  snapshot_.T_world_camera = *frame.T_world_camera;
+  thread_ = std::thread([this] { run(); });
+}
+
+Executive::~Executive() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+bool Executive::take_goal(const ViewGoal& goal) {
+  if (!is_rigid(goal.T_world_camera)) return false;
+  {
+    const std::lock_guard lock(mutex_);
+    next_goal_ = goal;
+    hold_ = false;
+    snapshot_.planner = goal.planner;
+    snapshot_.goal_id = goal.goal_id;
+    snapshot_.activity = Activity::kMoving;
+  }
+  changed_.notify_all();
+  return true;
+}
+
+void Executive::hold() {
+  const std::lock_guard lock(mutex_);
+  next_goal_.reset();
+  hold_ = true;
+  snapshot_.activity = Activity::kIdle;
+}
+
+RobotSnapshot Executive::snapshot() const {
+  const std::lock_guard lock(mutex_);
+  return snapshot_;
+}
+
+std::optional<DepthMap> Executive::fetch_depth_map() {
+  std::optional<DepthMap> map;
+  {
+    const std::lock_guard lock(mutex_);
+    map = std::exchange(finished_, std::nullopt);
+  }
+  if (map) changed_.notify_all();
+  return map;
+}
+
+bool Executive::ended(std::string* reason) const {
+  const std::lock_guard lock(mutex_);
+  *reason = end_reason_;
+  return !end_reason_.empty();
+}
+
+void Executive::end(const std::string& reason) {
+  const std::lock_guard lock(mutex_);
+  end_reason_ = reason.empty() ? "the camera's carrier has gone" : reason;
+  snapshot_.activity = Activity::kIdle;
+}
+
+bool Executive::superseded() const {
+  const std::lock_guard lock(mutex_);
+  return stop_ || hold_ || next_goal_.has_value();
+}
+
+void Executive::run() {
+  for (;;) {
+    ViewGoal goal;
+    {
+      std::unique_lock lock(mutex_);
+      const bool woken = changed_.wait_for(
+          lock, kAlivePeriod, [this] { return stop_ || (next_goal_ && !finished_) || !end_reason_.empty(); });
+      if (stop_ || !end_reason_.empty()) return;
+      if (woken) goal = *std::exchange(next_goal_, std::nullopt);
+      if (!woken) {
+        lock.unlock();
+        if (!carrier_.alive()) end(camera_.end_reason());
+        continue;
+      }
+    }
+    if (fly(goal)) capture(goal);
+  }
+}
+
+/// True when the camera has arrived; false when another goal, a hold or the end came first.
+bool Executive::fly(const ViewGoal& goal) {
+  const FreeFlight flight(snapshot().T_world_camera, goal.T_world_camera, limits_);
+  const steady_clock::time_point start = steady_clock::now();
+  steady_clock::time_point tick = start;
+  for (;;) {
+    if (superseded()) return false;
+    const double time_s = std::chrono::duration<double>(steady_clock::now() - start).count();
+    const Eigen::Isometry3d pose = flight.pose_at(time_s);
+    if (!carrier_.set_pose(pose)) {
+      end(camera_.end_reason());
+      return false;
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      snapshot_.T_world_camera = pose;
+    }
+    if (time_s >= flight.duration_s()) return true;
+    std::this_thread::sleep_until(tick += kControlPeriod);
+  }
+}
+
+bool Executive::capture(const ViewGoal& goal) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (next_goal_ || hold_) return false;
+    snapshot_.activity = Activity::kCapturing;
+  }
+  Frame frame;
+  FrameStatus status = FrameStatus::kTimeout;
+  for (int attempt = 0; attempt < kFrameAttempts && status == FrameStatus::kTimeout && !superseded(); ++attempt) {
+    status = camera_.next(&frame, kFramePatience);
+  }
+  if (superseded()) return false;
+  DepthMap map;
+  std::string why = status == FrameStatus::kEnded ? camera_.end_reason() : "the camera gives no frames";
+  if (status != FrameStatus::kFrame || !depth_.compute(frame, &map, &why)) {
+    end(why);
+    return false;
+  }
+  map.goal_id = goal.goal_id;
+  map.view_id = goal.view_id;
+  const std::lock_guard lock(mutex_);
+  finished_ = std::move(map);
+  if (!next_goal_) snapshot_.activity = Activity::kIdle;
+  return true;
+}
+
+}  // namespace vantage

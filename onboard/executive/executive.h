@@ -1,0 +1,83 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include <Eigen/Geometry>
+
+#include "drivers/camera/frame_source.h"
+#include "drivers/robot/camera_carrier.h"
+#include "lcmtypes/link/depth_map.h"
+#include "onboard/depth/stereo_depth.h"
+#include "onboard/executive/free_flight.h"
+
+namespace vantage {
+
+/// A view that the planner wants.
+struct ViewGoal {
+  std::int64_t planner = 0;  ///< boot id of who asks
+  std::int64_t goal_id = 0;
+  std::int64_t view_id = -1;
+  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+};
+
+enum class Activity : std::int8_t { kIdle = 0, kMoving = 1, kCapturing = 2 };
+
+/// What the robot is doing, at one moment.
+struct RobotSnapshot {
+  Activity activity = Activity::kIdle;
+  std::int64_t planner = 0, goal_id = 0;  ///< of the goal taken up last; 0: none yet
+  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+};
+
+/// Carries the camera to each goal within the speed limits, exposes there, computes the depth map and keeps it until it
+/// is fetched. Runs in a thread of its own, which alone touches the camera, its carrier and the matcher.
+///
+/// A goal that comes while another is on its way replaces it where the camera is then. A depth map that has not been
+/// fetched is never replaced: the thread waits.
+class Executive {
+ public:
+  /// `camera` and `carrier` must outlive it. Takes one frame to learn where the camera stands and that its images are
+  /// of the rig's size. \throws InputError when there is no frame or it does not fit.
+  Executive(FrameSource& camera, CameraCarrier& carrier, StereoDepth& depth, const FlightLimits& limits);
+  ~Executive();
+
+  /// Takes up a goal. False, and nothing changes, when its pose is not rigid.
+  bool take_goal(const ViewGoal& goal);
+  /// Stops where the camera is; the goal under way is forgotten.
+  void hold();
+  RobotSnapshot snapshot() const;
+  /// The next finished depth map, each once.
+  std::optional<DepthMap> fetch_depth_map();
+  /// True, with the reason, when the camera or its carrier has gone: no goal will be reached any more.
+  bool ended(std::string* reason) const;
+
+ private:
+  void run();
+  bool fly(const ViewGoal& goal);
+  bool capture(const ViewGoal& goal);
+  bool superseded() const;
+  void end(const std::string& reason);
+
+  FrameSource& camera_;
+  CameraCarrier& carrier_;
+  StereoDepth& depth_;
+  FlightLimits limits_;
+
+  mutable std::mutex mutex_;  // guards everything below but the thread
+  std::condition_variable changed_;
+  std::optional<ViewGoal> next_goal_;
+  std::optional<DepthMap> finished_;
+  RobotSnapshot snapshot_;
+  std::string end_reason_;
+  bool hold_ = false, stop_ = false;
+
+  std::thread thread_;
+};
+
+}  // namespace vantage

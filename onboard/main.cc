@@ -1,0 +1,124 @@
+// vantage-onboard: the robot's program. Camera to depth maps, goals to motion.
+
+#include <atomic>
+#include <cstdio>
+#include <exception>
+
+#include <CLI/CLI.hpp>
+#include <signal.h>
+#include <spdlog/spdlog.h>
+
+#include "calib/files/input_error.h"
+#include "calib/rig.h"
+#include "drivers/robot/camera_carrier.h"
+#include "drivers/sim/sim_camera.h"
+#include "lcmtypes/link/lcm_bus.h"
+#include "onboard/robot_link.h"
+
+namespace vantage {
+namespace {
+
+std::atomic<bool> interrupted = false;  // set by the signal handler alone
+
+struct Arguments {
+  std::string camera;
+  std::string rig;
+  std::string lcm = LcmBus::kDefaultUrl;
+  OnLostPlanner on_lost_planner = OnLostPlanner::kEnd;
+};
+
+class FreeFlyingCarrier final : public CameraCarrier {
+ public:
+  explicit FreeFlyingCarrier(sim::SimCamera& camera) : camera_(camera) {}
+  bool set_pose(const Eigen::Isometry3d& T_world_camera) override { return camera_.set_pose(T_world_camera); }
+  bool alive() override { return camera_.connected(); }
+
+ private:
+  sim::SimCamera& camera_;
+};
+
+std::string socket_of(const std::string& camera) {
+  constexpr std::string_view kSimulator = "sim:";
+  if (!camera.starts_with(kSimulator) || camera.size() == kSimulator.size()) {
+    throw InputError("--camera " + camera + ": expected sim:SOCKET, the socket that vantage-sim serves");
+  }
+  return camera.substr(kSimulator.size());
+}
+
+void require_same_camera(const Rig& rig, const std::string& rig_path, const sim::SimCamera& camera) {
+  const CameraModel& simulated = camera.camera();
+  if (rig.camera == simulated && rig.stereo_baseline_m == camera.baseline_m()) return;
+  throw InputError(rig_path + ": its camera (" + std::to_string(rig.camera.width) + " x " +
+                   std::to_string(rig.camera.height) + ", f " + std::to_string(rig.camera.fx) + " px, baseline " +
+                   std::to_string(rig.stereo_baseline_m) + " m) is not the simulator's (" +
+                   std::to_string(simulated.width) + " x " + std::to_string(simulated.height) + ", f " +
+                   std::to_string(simulated.fx) + " px, baseline " + std::to_string(camera.baseline_m()) +
+                   " m): give the rig file of the camera that is there");
+}
+
+int run(const Arguments& arguments) {
+  const std::string socket = socket_of(arguments.camera);
+  const Rig rig = load_rig(arguments.rig);
+  if (rig.stereo_baseline_m == 0) throw InputError(arguments.rig + ": stereo depth needs a stereo_baseline");
+  const SystemClock clock;
+  LcmBus bus(arguments.lcm);
+  sim::SimCamera camera(socket);
+  require_same_camera(rig, arguments.rig, camera);
+  FreeFlyingCarrier carrier(camera);
+  StereoDepth depth(rig.camera, rig.stereo_baseline_m);
+  RobotEnd end;
+  {
+    Executive executive(camera, carrier, depth, {rig.linear_speed_limit_m_s, rig.angular_speed_limit_rad_s});
+    RobotLink link(bus, clock, executive, VANTAGE_VERSION, arguments.on_lost_planner);
+    spdlog::info("camera {}: {} x {}; waiting for goals", arguments.camera, rig.camera.width, rig.camera.height);
+    while (!link.step(&end)) {
+      if (!interrupted) continue;
+      end = {kExitOk, "interrupted"};
+      break;
+    }
+    if (end.exit_status != kExitOk || interrupted) link.say_failed(end.message);
+  }
+  camera.goodbye();
+  if (end.exit_status == kExitOk) {
+    spdlog::info("{}", end.message);
+  } else {
+    spdlog::error("{}", end.message);
+  }
+  return end.exit_status;
+}
+
+}  // namespace
+}  // namespace vantage
+
+int main(int argc, char** argv) {
+  using namespace vantage;
+  CLI::App app("The robot's program of Vantage: camera to depth maps, goals to motion.", "vantage-onboard");
+  Arguments arguments;
+  app.add_option("--camera", arguments.camera, "sim:SOCKET: the simulator's stereo camera")->required();
+  app.add_option("--rig", arguments.rig, "rig file: camera, baseline, limits (calib/rigs/*.yaml)")->required();
+  app.add_option("--lcm", arguments.lcm, "LCM address")->capture_default_str();
+  app.add_option("--on-lost-planner", arguments.on_lost_planner, "when the planner falls silent: end, or hold still")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, OnLostPlanner>{{"end", OnLostPlanner::kEnd}, {"hold", OnLostPlanner::kHold}}))
+      ->default_str("end");
+  app.set_version_flag("--version", VANTAGE_VERSION);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitOk : kExitBadInput;
+  }
+  spdlog::set_pattern("vantage-onboard: %^%v%$");
+  struct sigaction action {};
+  action.sa_handler = [](int) { interrupted = true; };
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+  try {
+    return run(arguments);
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "vantage-onboard: %s\n", error.what());
+    return kExitBadInput;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "vantage-onboard: %s\n", error.what());
+    return kExitFailure;
+  }
+}
