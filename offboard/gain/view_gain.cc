@@ -2,24 +2,10 @@
 
 #include <stdexcept>
 
-#include "lcmtypes/link/depth_map.h"
-#include "offboard/gain/reference_gain.h"
+#include "offboard/gain/cast_kernel.h"
+#include "offboard/gain/gain_evaluator.h"
 
 namespace vantage {
-
-RaySums& RaySums::operator+=(const RaySums& other) {
-  rays += other.rays;
-  visits += other.visits;
-  ends_occupied += other.ends_occupied;
-  ends_occplane += other.ends_occplane;
-  rear_side_voxels += other.rear_side_voxels;
-  proximity_steps += other.proximity_steps;
-  entropy += other.entropy;
-  occlusion_aware += other.occlusion_aware;
-  unobserved_voxel += other.unobserved_voxel;
-  rear_side_entropy += other.rear_side_entropy;
-  return *this;
-}
 
 ViewGain gain_of_sums(const RaySums& sums, double mark_step_m, const CombinedWeights& weights) {
   ViewGain gain;
@@ -47,9 +33,11 @@ ViewGain gain_of_sums(const RaySums& sums, double mark_step_m, const CombinedWei
 
 bool GainOptions::valid(std::string* why) const {
   if (!weights.valid(why)) return false;
-  if (threads >= 1 && threads <= 256) return true;
-  if (why != nullptr) *why = "threads must lie between 1 and 256";
-  return false;
+  if (threads < 1 || threads > 256) {
+    if (why != nullptr) *why = "threads must lie between 1 and 256";
+    return false;
+  }
+  return kernel.empty() || parse_kernel(kernel, why).has_value();
 }
 
 ViewGain evaluate_view(const OccupancyMap& map, const RayBundle& rays, const Eigen::Isometry3d& T_world_camera,
@@ -59,18 +47,7 @@ ViewGain evaluate_view(const OccupancyMap& map, const RayBundle& rays, const Eig
 
 std::vector<ViewGain> evaluate_views(const OccupancyMap& map, const RayBundle& rays,
                                      std::span<const Eigen::Isometry3d> T_world_cameras, const GainOptions& options) {
-  std::string why;
-  if (!options.valid(&why)) throw std::invalid_argument(why);
-  std::vector<ViewGain> gains;
-  for (const Eigen::Isometry3d& pose : T_world_cameras) {
-    if (!is_rigid(pose)) {
-      gains.emplace_back().reason = "the pose T_world_camera is not finite or not a rotation";
-      continue;
-    }
-    gains.push_back(gain_of_sums(cast_rays_reference(map, rays, pose), map.mark_step_m(), options.weights));
-    gains.back().marks_missing = !map.has_marks();
-  }
-  return gains;
+  return GainEvaluator(rays, options).evaluate(map, T_world_cameras);
 }
 
 }  // namespace vantage

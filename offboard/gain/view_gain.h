@@ -10,26 +10,10 @@
 
 #include "offboard/gain/formulation.h"
 #include "offboard/gain/ray_bundle.h"
+#include "offboard/gain/ray_sums.h"
 #include "offboard/mapping/occupancy_map.h"
 
 namespace vantage {
-
-/// What the rays of a view met, summed over rays: all that the formulations are made of.
-struct RaySums {
-  std::int64_t rays = 0;              ///< cast, those that miss the region included
-  std::int64_t visits = 0;            ///< voxels traversed, the occupied ends included
-  std::int64_t ends_occupied = 0;     ///< rays that met an occupied voxel, no occplane voxel before it
-  std::int64_t ends_occplane = 0;     ///< rays that met an occplane voxel before any occupied one
-  std::int64_t rear_side_voxels = 0;  ///< Eq. 7
-  std::int64_t proximity_steps = 0;   ///< Eq. 9, in OccupancyMap::mark_step_m()
-  double entropy = 0;                 ///< Eq. 2, nats
-  double occlusion_aware = 0;         ///< Eqs. 3, 4
-  double unobserved_voxel = 0;        ///< Eqs. 5, 6
-  double rear_side_entropy = 0;       ///< Eq. 8
-
-  RaySums& operator+=(const RaySums& other);
-  bool operator==(const RaySums&) const = default;
-};
 
 /// Information gain of one view by every formulation.
 struct ViewGain {
@@ -47,8 +31,11 @@ ViewGain gain_of_sums(const RaySums& sums, double mark_step_m, const CombinedWei
 struct GainOptions {
   CombinedWeights weights;
   int threads = 1;
+  /// By its name (cast_kernel.h), for tests and benchmarks; empty: the machine's best.
+  std::string kernel;
 
-  /// False, with the reason in `why`: weights that are not valid, threads not in [1, 256].
+  /// False, with the reason in `why`: weights that are not valid, threads not in [1, 256], a kernel
+  /// that this machine has not.
   bool valid(std::string* why = nullptr) const;
 };
 

@@ -1,0 +1,63 @@
+#include "offboard/gain/cast_kernel.h"
+
+#include <algorithm>
+#include <array>
+
+namespace vantage {
+namespace {
+
+constexpr std::array kKernels = {CastKernel::kScalar, CastKernel::kPortable, CastKernel::kAvx2, CastKernel::kAvx512};
+constexpr std::array<std::string_view, 4> kNames = {"scalar", "portable", "avx2", "avx512"};
+
+bool available(CastKernel kernel) {
+  switch (kernel) {
+#if defined(__x86_64__)
+    case CastKernel::kAvx2:
+      return __builtin_cpu_supports("avx2") != 0;
+    case CastKernel::kAvx512:
+      return __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512bw") != 0 &&
+             __builtin_cpu_supports("avx512dq") != 0 && __builtin_cpu_supports("avx512vl") != 0;
+#else
+    case CastKernel::kAvx2:
+    case CastKernel::kAvx512:
+      return false;
+#endif
+    default:
+      return true;
+  }
+}
+
+}  // namespace
+
+std::string_view name_of(CastKernel kernel) { return kNames[static_cast<std::size_t>(kernel)]; }
+
+std::optional<CastKernel> parse_kernel(std::string_view name, std::string* why) {
+  for (const CastKernel kernel : available_kernels()) {
+    if (name == name_of(kernel)) return kernel;
+  }
+  if (why != nullptr) {
+    *why = "no kernel of this machine is called \"" + std::string(name) + "\"; there are";
+    for (const CastKernel kernel : available_kernels()) *why += " " + std::string(name_of(kernel));
+  }
+  return std::nullopt;
+}
+
+std::vector<CastKernel> available_kernels() {
+  std::vector<CastKernel> kernels;
+  std::copy_if(kKernels.begin(), kKernels.end(), std::back_inserter(kernels), available);
+  return kernels;
+}
+
+CastKernel best_kernel() { return available_kernels().back(); }
+
+CastBlock cast_block_function(CastKernel kernel, GainField::Layout layout) {
+  const bool flat = layout == GainField::Layout::kFlat;
+#if defined(__x86_64__)
+  if (kernel == CastKernel::kAvx512 && flat) return cast_flat_avx512;
+  if (kernel == CastKernel::kAvx2 && flat) return cast_flat_avx2;
+#endif
+  if (kernel == CastKernel::kScalar || !flat) return flat ? cast_flat_scalar : cast_bricks_scalar;
+  return cast_flat_portable;
+}
+
+}  // namespace vantage
