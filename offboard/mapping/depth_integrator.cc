@@ -2,17 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <memory>
 
-#include "offboard/mapping/depth_lookup.h"
+#include "offboard/mapping/voxel_projection.h"
 
 namespace vantage {
 namespace {
 
 constexpr int kEdge = OccupancyMap::kBrickEdge;
 constexpr float kNearest = 1e-4F;  // m; voxel centres nearer the camera's plane project nowhere useful
-
-/// Measured points by voxel: 0 none, else 1 + the VoxelUpdate.
-using HitMask = std::array<std::uint8_t, OccupancyMap::kBrickVoxels>;
 
 /// Full, half or quarter hit by a pixel's sigma against the voxel's edge; 0: too vague to hit a voxel.
 std::uint8_t hit_kind(double sigma_voxels) {
@@ -24,24 +23,41 @@ std::uint8_t hit_kind(double sigma_voxels) {
 
 class DepthIntegration {
  public:
-  DepthIntegration(const DepthMap& depth_map, OccupancyMap* map, const std::vector<std::uint8_t>* only)
+  DepthIntegration(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
+                   const std::vector<std::uint8_t>* only)
       : depth_map_(depth_map),
         map_(*map),
         only_(only),
-        lookup_(depth_map, map->sensor_model()),
+        lookup_(scratch->lookup),
+        hits_of_brick_(scratch->hits_of_brick),
+        hits_(scratch->hits),
         fx_(static_cast<float>(depth_map.camera.fx)),
         fy_(static_cast<float>(depth_map.camera.fy)),
         // Half a pixel is added once, so that truncation rounds.
         cx_(static_cast<float>(depth_map.camera.cx + 0.5)),
         cy_(static_cast<float>(depth_map.camera.cy + 0.5)),
         resolution_(static_cast<float>(map->region().resolution_m)),
-        occlusion_range_(static_cast<float>(map->sensor_model().occlusion_range_m)),
-        marks_per_metre_(static_cast<float>(1 / map->mark_step_m())) {
+        occlusion_range_(static_cast<float>(map->sensor_model().occlusion_range_m)) {
     const Eigen::Isometry3d T_camera_world = depth_map.T_world_camera.inverse();
     axes_ = (T_camera_world.linear() * map->region().resolution_m).cast<float>();
     // Centre of the region's first voxel, camera frame.
     origin_ = T_camera_world * map->region().center(Eigen::Vector3i::Zero());
     columns_ = T_camera_world.linear() * map->region().resolution_m;
+    lookup_.prepare(depth_map, map->sensor_model());
+    projection_.fx = fx_;
+    projection_.fy = fy_;
+    projection_.cx = cx_;
+    projection_.cy = cy_;
+    projection_.width = depth_map.camera.width;
+    projection_.height = depth_map.camera.height;
+    projection_.surface = lookup_.surface().data();
+    projection_.occlusion_range_m = occlusion_range_;
+    projection_.marks_per_metre = static_cast<float>(1 / map->mark_step_m());
+    for (int i = 0; i < 3; ++i) {
+      projection_.step_x[static_cast<std::size_t>(i)] = axes_(i, 0);
+      projection_.step_y[static_cast<std::size_t>(i)] = axes_(i, 1);
+      projection_.step_z[static_cast<std::size_t>(i)] = axes_(i, 2);
+    }
   }
 
   IntegrationResult run() {
@@ -63,13 +79,18 @@ class DepthIntegration {
 
  private:
   enum class Cover { kNothing, kAllFree, kMixed };
+  struct Judged {
+    int missed = 0, marked = 0;  // voxels
+  };
 
   void scatter_hits();
   void integrate_group(const Eigen::Vector3i& first, const Eigen::Vector3i& extent);
   void integrate_brick(const Eigen::Vector3i& position, Cover cover);
   Cover classify(const Eigen::Vector3i& first_voxel, const Eigen::Vector3i& voxels) const;
   bool free_all(std::size_t brick);
-  bool update_voxels(const Eigen::Vector3i& position, OccupancyMap::Brick* brick, const HitMask* hits);
+  bool miss(const std::array<std::uint8_t, OccupancyMap::kBrickVoxels>& missed, OccupancyMap::Brick* brick);
+  Judged judge_voxels(const Eigen::Vector3i& position, const HitMask* hits);
+  bool update_voxels(const Judged& judged, const HitMask* hits, OccupancyMap::Brick* brick);
   int footprint_half_width(float depth) const {
     const float half = 0.5F * resolution_ * std::min(fx_, fy_) / std::max(depth, kNearest);
     return static_cast<int>(std::min(half, static_cast<float>(DepthLookup::kMaxHalfWidth)));
@@ -78,18 +99,22 @@ class DepthIntegration {
   const DepthMap& depth_map_;
   OccupancyMap& map_;
   const std::vector<std::uint8_t>* only_;
-  DepthLookup lookup_;
-  float fx_, fy_, cx_, cy_, resolution_, occlusion_range_, marks_per_metre_;
+  DepthLookup& lookup_;
+  std::vector<std::uint32_t>& hits_of_brick_;
+  std::vector<HitMask>& hits_;
+  float fx_, fy_, cx_, cy_, resolution_, occlusion_range_;
   Eigen::Matrix3f axes_;     // steps of one voxel along x, y, z, camera frame
   Eigen::Matrix3d columns_;  // the same, for positions far from the origin
   Eigen::Vector3d origin_;
-  std::vector<std::uint32_t> hits_of_brick_;  // 1 + element of hits_; 0: none
-  std::vector<HitMask> hits_;
+  VoxelProjection projection_;
+  VoxelVerdicts verdicts_;
+  ClassifyVoxels classify_voxels_ = best_classify_voxels();
   IntegrationResult result_;
 };
 
 void DepthIntegration::scatter_hits() {
   hits_of_brick_.assign(map_.brick_count(), 0);
+  hits_.clear();
   const CameraModel& camera = depth_map_.camera;
   const Region& region = map_.region();
   const double per_metre = 1 / region.resolution_m;
@@ -180,11 +205,26 @@ void DepthIntegration::integrate_brick(const Eigen::Vector3i& position, Cover co
   const std::size_t index = map_.brick_index(position);
   const std::uint32_t slot = hits_of_brick_[index];
   if (cover == Cover::kNothing && slot == 0) return;
+  const HitMask* hits = slot == 0 ? nullptr : &hits_[slot - 1];
   bool changed = false;
-  if (cover == Cover::kAllFree && slot == 0) {
+  if (cover == Cover::kAllFree && hits == nullptr) {
     changed = free_all(index);
   } else {
-    changed = update_voxels(position, &map_.open(index), slot == 0 ? nullptr : &hits_[slot - 1]);
+    const Judged judged = judge_voxels(position, hits);
+    if (map_.dense(index) == nullptr && hits == nullptr && judged.marked == 0) {
+      // A uniform brick stays so if all of it, or nothing, changes.
+      const Level level = map_.uniform_level(index);
+      if (judged.missed == OccupancyMap::kBrickVoxels) {
+        changed = free_all(index);
+        result_.bricks_changed += changed;
+        return;
+      }
+      if (judged.missed == 0 || map_.levels().after(VoxelUpdate::kMiss, level) == level) {
+        result_.voxels_missed += judged.missed;
+        return;
+      }
+    }
+    changed = update_voxels(judged, hits, &map_.open(index));
     map_.close(index, changed);
   }
   result_.bricks_changed += changed;
@@ -193,84 +233,103 @@ void DepthIntegration::integrate_brick(const Eigen::Vector3i& position, Cover co
 /// The whole brick is seen through.
 bool DepthIntegration::free_all(std::size_t brick) {
   result_.voxels_missed += map_.brick_extent(map_.brick_position(brick)).prod();
-  LogOddsLevels& levels = map_.levels();
-  bool changed = false;
-  if (map_.dense(brick) == nullptr) {
-    const Level before = map_.uniform_level(brick), after = levels.after(VoxelUpdate::kMiss, before);
-    map_.set_uniform_level(brick, after);
-    changed = after != before;
-    if (changed) map_.touch(brick);
+  if (map_.dense(brick) != nullptr) {
+    static constexpr auto kAll = [] {
+      std::array<std::uint8_t, OccupancyMap::kBrickVoxels> all{};
+      all.fill(1);
+      return all;
+    }();
+    const bool changed = miss(kAll, &map_.open(brick));
+    map_.close(brick, changed);
     return changed;
   }
-  OccupancyMap::Brick& voxels = map_.open(brick);
-  for (Level& level : voxels.level) {
-    const Level after = levels.after(VoxelUpdate::kMiss, level);
-    changed |= after != level;
-    level = after;
+  const Level before = map_.uniform_level(brick), after = map_.levels().after(VoxelUpdate::kMiss, before);
+  if (after == before) return false;
+  map_.set_uniform_level(brick, after);
+  map_.touch(brick);
+  return true;
+}
+
+/// Updates the voxels that were seen through. True when one changed.
+bool DepthIntegration::miss(const std::array<std::uint8_t, OccupancyMap::kBrickVoxels>& missed,
+                            OccupancyMap::Brick* brick) {
+  LogOddsLevels& levels = map_.levels();
+  bool changed = false;
+  for (std::size_t row = 0; row < missed.size(); row += kEdge) {
+    std::uint64_t any = 0;
+    std::memcpy(&any, &missed[row], sizeof any);
+    if (any == 0) continue;
+    Level* at = &brick->level[row];
+    const Level first = at[0];
+    unsigned different = 0;
+    for (std::size_t i = 1; i < kEdge; ++i) different |= static_cast<unsigned>(at[i] ^ first);
+    if (different == 0) {  // most rows are alike: one look-up
+      const Level after = levels.after(VoxelUpdate::kMiss, first);
+      changed |= after != first;
+      for (std::size_t i = 0; i < kEdge; ++i) at[i] = missed[row + i] != 0 ? after : first;
+      continue;
+    }
+    for (std::size_t i = 0; i < kEdge; ++i) {
+      const Level after = missed[row + i] != 0 ? levels.after(VoxelUpdate::kMiss, at[i]) : at[i];
+      changed |= after != at[i];
+      at[i] = after;
+    }
   }
-  map_.close(brick, changed);
   return changed;
 }
 
-bool DepthIntegration::update_voxels(const Eigen::Vector3i& position, OccupancyMap::Brick* brick, const HitMask* hits) {
-  LogOddsLevels& levels = map_.levels();
+/// Asks the image about every voxel of a brick; the answers are in verdicts_.
+DepthIntegration::Judged DepthIntegration::judge_voxels(const Eigen::Vector3i& position, const HitMask* hits) {
   const Eigen::Vector3i extent = map_.brick_extent(position);
   const Eigen::Vector3f first = (origin_ + columns_ * (kEdge * position).cast<double>()).cast<float>();
   const float middle = (first + axes_ * Eigen::Vector3f::Constant(0.5F * (kEdge - 1))).z();
-  const std::vector<float>& free_limit = lookup_.free_limit_in_window(footprint_half_width(middle));
-  const std::vector<float>& surface = lookup_.surface();
-  const auto width = static_cast<float>(depth_map_.camera.width), height = static_cast<float>(depth_map_.camera.height);
-  std::int64_t hit_count = 0, missed = 0, marked = 0;
-  bool changed = false;
-  for (int z = 0; z < extent.z(); ++z) {
-    for (int y = 0; y < extent.y(); ++y) {
-      const Eigen::Vector3f row = first + static_cast<float>(y) * axes_.col(1) + static_cast<float>(z) * axes_.col(2);
-      std::array<float, kEdge> at_u, at_v, depth;
-      for (int x = 0; x < kEdge; ++x) {
-        const auto i = static_cast<std::size_t>(x);
-        const auto step = static_cast<float>(x);
-        depth[i] = row.z() + step * axes_(2, 0);
-        const float inverse = 1 / depth[i];
-        at_u[i] = fx_ * (row.x() + step * axes_(0, 0)) * inverse + cx_;
-        at_v[i] = fy_ * (row.y() + step * axes_(1, 0)) * inverse + cy_;
-      }
-      for (int x = 0; x < extent.x(); ++x) {
-        const auto lane = static_cast<std::size_t>(x);
-        const auto i = static_cast<std::size_t>(x | y << 3 | z << 6);
-        Level& level = brick->level[i];
-        VoxelUpdate update = VoxelUpdate::kMiss;
-        if (hits != nullptr && (*hits)[i] != 0) {
-          update = static_cast<VoxelUpdate>((*hits)[i] - 1);
-          ++hit_count;
-        } else {
-          const float u = at_u[lane], v = at_v[lane];
-          if (!(depth[lane] > kNearest && u >= 0 && v >= 0 && u < width && v < height)) continue;
-          const std::size_t pixel = static_cast<std::size_t>(v) * static_cast<std::size_t>(depth_map_.camera.width) +
-                                    static_cast<std::size_t>(u);
-          if (depth[lane] < free_limit[pixel]) {
-            ++missed;
-          } else {
-            if (!(depth[lane] > surface[pixel])) continue;
-            const Eigen::Vector3f point = row + static_cast<float>(x) * axes_.col(0);
-            const float behind = (depth[lane] - surface[pixel]) * point.norm() / depth[lane];
-            if (!(behind <= occlusion_range_)) continue;
-            const auto mark = static_cast<std::uint8_t>(1.5F + behind * marks_per_metre_);
-            if (brick->mark[i] == 0 || mark < brick->mark[i]) {
-              brick->mark[i] = mark;
-              changed = true;
-              ++marked;
-            }
-            continue;
-          }
-        }
-        const Level after = levels.after(update, level);
-        changed |= after != level;
-        level = after;
-      }
+  projection_.first = {first.x(), first.y(), first.z()};
+  projection_.free_limit = lookup_.free_limit_in_window(footprint_half_width(middle)).data();
+  VoxelVerdicts& verdicts = verdicts_;
+  classify_voxels_(projection_, &verdicts);
+  if (hits != nullptr) {
+    for (std::size_t i = 0; i < hits->size(); ++i) {
+      const auto free_of_hits = static_cast<std::uint8_t>((*hits)[i] == 0 ? 0xff : 0);
+      verdicts.missed[i] &= free_of_hits;
+      verdicts.mark[i] &= free_of_hits;
     }
   }
-  result_.voxels_hit += hit_count;
-  result_.voxels_missed += missed;
+  if (extent != Eigen::Vector3i::Constant(kEdge)) {
+    for (std::size_t i = 0; i < verdicts.missed.size(); ++i) {
+      const Eigen::Vector3i voxel(static_cast<int>(i & 7), static_cast<int>(i >> 3 & 7), static_cast<int>(i >> 6));
+      if ((voxel.array() < extent.array()).all()) continue;
+      verdicts.missed[i] = verdicts.mark[i] = 0;
+    }
+  }
+  Judged judged;
+  for (const std::uint8_t missed : verdicts.missed) judged.missed += missed;
+  for (const std::uint8_t mark : verdicts.mark) judged.marked += mark != 0;
+  return judged;
+}
+
+/// Puts the verdicts and the hits into the brick. True when a voxel changed.
+bool DepthIntegration::update_voxels(const Judged& judged, const HitMask* hits, OccupancyMap::Brick* brick) {
+  unsigned marked = 0;
+  for (std::size_t i = 0; i < verdicts_.mark.size() && judged.marked != 0; ++i) {
+    // No mark, 0, counts as farther than any.
+    const auto before = static_cast<std::uint8_t>(brick->mark[i] - 1);
+    const auto now = static_cast<std::uint8_t>(verdicts_.mark[i] - 1);
+    const std::uint8_t nearer = now < before ? now : before;
+    marked += nearer != before;
+    brick->mark[i] = static_cast<std::uint8_t>(nearer + 1);
+  }
+  bool changed = marked != 0;
+  if (judged.missed != 0) changed |= miss(verdicts_.missed, brick);
+  if (hits != nullptr) {
+    for (std::size_t i = 0; i < hits->size(); ++i) {
+      if ((*hits)[i] == 0) continue;
+      ++result_.voxels_hit;
+      const Level after = map_.levels().after(static_cast<VoxelUpdate>((*hits)[i] - 1), brick->level[i]);
+      changed |= after != brick->level[i];
+      brick->level[i] = after;
+    }
+  }
+  result_.voxels_missed += judged.missed;
   result_.voxels_marked += marked;
   if (marked != 0) map_.set_has_marks(true);
   return changed;
@@ -278,13 +337,19 @@ bool DepthIntegration::update_voxels(const Eigen::Vector3i& position, OccupancyM
 
 }  // namespace
 
-IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map,
+IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
                                       const std::vector<std::uint8_t>* only) {
   IntegrationResult result;
   if (!depth_map.valid(&result.error)) return result;
-  return DepthIntegration(depth_map, map, only).run();
+  return DepthIntegration(depth_map, map, scratch, only).run();
 }
 
-IntegrationResult OccupancyMap::integrate(const DepthMap& depth_map) { return integrate_depth_map(depth_map, this); }
+IntegrationResult OccupancyMap::integrate(const DepthMap& depth_map) {
+  if (scratch_.held == nullptr) scratch_.held = std::make_unique<IntegrationScratch>();
+  return integrate_depth_map(depth_map, this, scratch_.held.get());
+}
+
+OccupancyMap::Scratch::Scratch() = default;
+OccupancyMap::Scratch::~Scratch() = default;
 
 }  // namespace vantage

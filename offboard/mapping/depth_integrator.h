@@ -1,12 +1,24 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "lcmtypes/link/depth_map.h"
+#include "offboard/mapping/depth_lookup.h"
 #include "offboard/mapping/occupancy_map.h"
 
 namespace vantage {
+
+/// Measured points by voxel of a brick: 0 none, else 1 + the VoxelUpdate.
+using HitMask = std::array<std::uint8_t, OccupancyMap::kBrickVoxels>;
+
+/// Storage that one integration leaves to the next.
+struct IntegrationScratch {
+  DepthLookup lookup;
+  std::vector<std::uint32_t> hits_of_brick;  // 1 + element of hits; 0: none
+  std::vector<HitMask> hits;
+};
 
 /// Voxel-projective integration of a depth image: every voxel in the frustum asks the image, not every ray the voxels.
 ///
@@ -26,9 +38,9 @@ namespace vantage {
 /// The pyramid of the image's extremes settles whole bricks: all seen through (one update for a uniform brick), or all
 /// out of reach. Both answers equal the voxel by voxel ones.
 ///
-/// `only`, when given, has an entry for every brick of the map: bricks at 0 stay as they are.
-/// Refuses what DepthMap::valid refuses, the map unchanged.
-IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map,
+/// `scratch` keeps its storage from one image to the next. `only`, when given, has an entry for every brick of the map:
+/// bricks at 0 stay as they are. Refuses what DepthMap::valid refuses, the map unchanged.
+IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
                                       const std::vector<std::uint8_t>* only = nullptr);
 
 }  // namespace vantage

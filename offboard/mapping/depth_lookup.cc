@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 namespace vantage {
@@ -10,39 +11,37 @@ namespace {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr int kFirstLevel = 2;  // blocks of 4 x 4 pixels
 
-/// Largest of each element and its two neighbours in a row of n.
-void dilate_row(const float* in, int n, float* out) {
-  if (n == 1) {
-    out[0] = in[0];
-    return;
-  }
-  out[0] = std::max(in[0], in[1]);
-  for (int i = 1; i < n - 1; ++i) out[i] = std::max(std::max(in[i - 1], in[i]), in[i + 1]);
-  out[n - 1] = std::max(in[n - 2], in[n - 1]);
+constexpr std::array<int, 9> kHalfWidths = {0, 1, 2, 3, 4, 6, 8, 11, DepthLookup::kMaxHalfWidth};
+
+using Floats = float __attribute__((vector_size(16)));
+
+Floats load(const float* from) {
+  Floats value;
+  std::memcpy(&value, from, sizeof value);
+  return value;
 }
 
-/// Largest of each pixel's 3 x 3 neighbourhood.
-std::vector<float> dilate(const std::vector<float>& image, int width, int height) {
-  const auto w = static_cast<std::size_t>(width), h = static_cast<std::size_t>(height);
-  std::vector<float> rows(image.size()), result(image.size());
-  for (std::size_t v = 0; v < h; ++v) dilate_row(&image[v * w], width, &rows[v * w]);
-  for (std::size_t v = 0; v < h; ++v) {
-    const float* above = &rows[(v == 0 ? 0 : v - 1) * w];
-    const float* here = &rows[v * w];
-    const float* below = &rows[(v + 1 == h ? v : v + 1) * w];
-    float* out = &result[v * w];
-    for (std::size_t u = 0; u < w; ++u) out[u] = std::max(std::max(above[u], here[u]), below[u]);
+/// out[i] = max(a[i], b[i], c[i]).
+void max_of_three(const float* a, const float* b, const float* c, std::size_t n, float* out) {
+  std::size_t i = 0;
+  for (; i + 4 <= n; i += 4) {
+    const Floats va = load(a + i), vb = load(b + i), vc = load(c + i);
+    const Floats ab = va > vb ? va : vb;
+    const Floats abc = ab > vc ? ab : vc;
+    std::memcpy(out + i, &abc, sizeof abc);
   }
-  return result;
+  for (; i < n; ++i) out[i] = std::max(std::max(a[i], b[i]), c[i]);
 }
 
 }  // namespace
 
-DepthLookup::DepthLookup(const DepthMap& depth_map, const SensorModel& model)
-    : width_(depth_map.camera.width), height_(depth_map.camera.height), windows_(1) {
+void DepthLookup::prepare(const DepthMap& depth_map, const SensorModel& model) {
+  width_ = depth_map.camera.width;
+  height_ = depth_map.camera.height;
+  windows_ready_ = 1;
   const CameraModel& camera = depth_map.camera;
-  windows_[0].resize(depth_map.depth_m.size());
-  surface_.resize(depth_map.depth_m.size());
+  windows_[0].resize(depth_map.depth_m.size() + 1);
+  surface_.resize(depth_map.depth_m.size() + 1);
   const auto margin = static_cast<float>(model.free_margin_sigmas);
   const auto max_range = static_cast<float>(model.max_range_m);
   std::vector<float> x_squared(static_cast<std::size_t>(width_));
@@ -50,48 +49,98 @@ DepthLookup::DepthLookup(const DepthMap& depth_map, const SensorModel& model)
     const auto x = static_cast<float>((u - camera.cx) / camera.fx);
     x_squared[static_cast<std::size_t>(u)] = x * x;
   }
-  std::size_t i = 0;
-  for (int v = 0; v < height_; ++v) {
+  std::size_t first = 0;
+  for (int v = 0; v < height_; ++v, first += x_squared.size()) {
     const auto y = static_cast<float>((v - camera.cy) / camera.fy);
     const float row = 1 + y * y;
-    for (std::size_t u = 0; u < x_squared.size(); ++u, ++i) {
-      const bool usable = depth_map.state[i] == DepthState::kConverged;
-      const float depth = depth_map.depth_m[i];
-      const float limit = max_range / std::sqrt(row + x_squared[u]);  // range along the ray, as a depth
-      windows_[0][i] = usable ? std::min(depth - margin * depth_map.sigma_m[i], limit) : -kInfinity;
-      surface_[i] = usable && depth <= limit ? depth : kInfinity;
+    const float* depths = &depth_map.depth_m[first];
+    const float* sigmas = &depth_map.sigma_m[first];
+    const DepthState* states = &depth_map.state[first];
+    float* free_limit = &windows_[0][first];
+    float* surface = &surface_[first];
+    for (std::size_t u = 0; u < x_squared.size(); ++u) {
+      const bool usable = states[u] == DepthState::kConverged;
+      const float depth = depths[u];
+      const float limit = max_range / __builtin_sqrtf(row + x_squared[u]);  // range along the ray, as a depth
+      const float before = depth - margin * sigmas[u];
+      const float free = before < limit ? before : limit;
+      free_limit[u] = usable & (free > 0) ? free : 0.0F;
+      surface[u] = usable & (depth <= limit) ? depth : kInfinity;
     }
   }
+  windows_[0].back() = 0;
+  surface_.back() = kInfinity;
   build_pyramid();
 }
 
 const std::vector<float>& DepthLookup::free_limit_in_window(int half_width) {
-  while (static_cast<int>(windows_.size()) <= half_width) windows_.push_back(dilate(windows_.back(), width_, height_));
-  return windows_[static_cast<std::size_t>(half_width)];
+  std::size_t wanted = 0;
+  while (wanted + 1 < kHalfWidths.size() && kHalfWidths[wanted + 1] <= half_width) ++wanted;
+  const auto w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
+  for (; windows_ready_ <= wanted; ++windows_ready_) {
+    // Three windows of the last half width, shifted by what this one is wider, cover this one without a gap.
+    const std::vector<float>& narrow = windows_[windows_ready_ - 1];
+    std::vector<float>& wide = windows_[windows_ready_];
+    const auto shift = static_cast<std::size_t>(kHalfWidths[windows_ready_] - kHalfWidths[windows_ready_ - 1]);
+    wide.resize(w * h + 1);
+    rows_.resize(w * h);
+    for (std::size_t v = 0; v < h; ++v) {
+      const float* in = &narrow[v * w];
+      float* out = &rows_[v * w];
+      for (std::size_t u = 0; u < w; ++u) {
+        if (u == shift && w > 2 * shift) {
+          max_of_three(in, in + shift, in + 2 * shift, w - 2 * shift, out + shift);
+          u = w - shift;
+        }
+        out[u] = std::max({in[u < shift ? 0 : u - shift], in[u], in[std::min(u + shift, w - 1)]});
+      }
+    }
+    for (std::size_t v = 0; v < h; ++v) {
+      max_of_three(&rows_[(v < shift ? 0 : v - shift) * w], &rows_[v * w], &rows_[std::min(v + shift, h - 1) * w], w,
+                   &wide[v * w]);
+    }
+    wide.back() = 0;
+  }
+  return windows_[wanted];
 }
 
 void DepthLookup::build_pyramid() {
   const auto blocks = [](int pixels, int level) { return (pixels + (1 << level) - 1) >> level; };
-  PyramidLevel first{blocks(width_, kFirstLevel), blocks(height_, kFirstLevel), {}};
-  first.blocks.assign(static_cast<std::size_t>(first.width) * static_cast<std::size_t>(first.height),
-                      {kInfinity, -kInfinity});
-  std::size_t i = 0;
-  for (int v = 0; v < height_; ++v) {
-    Bounds* row = &first.blocks[static_cast<std::size_t>(v >> kFirstLevel) * static_cast<std::size_t>(first.width)];
-    for (int u = 0; u < width_; ++u, ++i) {
-      Bounds& block = row[u >> kFirstLevel];
-      const float free = windows_[0][i], surface = surface_[i];
-      block.min_free = std::min(block.min_free, free);
-      block.max_reach = std::max(block.max_reach, surface < kInfinity ? std::max(free, surface) : free);
+  pyramid_.resize(1);
+  PyramidLevel& first = pyramid_[0];
+  first.width = blocks(width_, kFirstLevel);
+  first.height = blocks(height_, kFirstLevel);
+  first.blocks.resize(static_cast<std::size_t>(first.width) * static_cast<std::size_t>(first.height));
+  const auto width = static_cast<std::size_t>(width_);
+  std::vector<float> lowest(width), highest(width);
+  for (int block_v = 0; block_v < first.height; ++block_v) {
+    std::fill(lowest.begin(), lowest.end(), kInfinity);
+    std::fill(highest.begin(), highest.end(), -kInfinity);
+    for (int v = block_v << kFirstLevel; v < std::min((block_v + 1) << kFirstLevel, height_); ++v) {
+      const float* free_limit = &windows_[0][static_cast<std::size_t>(v) * width];
+      const float* surface = &surface_[static_cast<std::size_t>(v) * width];
+      for (std::size_t u = 0; u < width; ++u) {
+        const float free = free_limit[u], reach = surface[u] < kInfinity && surface[u] > free ? surface[u] : free;
+        lowest[u] = free < lowest[u] ? free : lowest[u];
+        highest[u] = reach > highest[u] ? reach : highest[u];
+      }
+    }
+    Bounds* row = &first.blocks[static_cast<std::size_t>(block_v) * static_cast<std::size_t>(first.width)];
+    for (int block_u = 0; block_u < first.width; ++block_u) {
+      Bounds block{kInfinity, 0};
+      for (int u = block_u << kFirstLevel; u < std::min((block_u + 1) << kFirstLevel, width_); ++u) {
+        block.min_free = std::min(block.min_free, lowest[static_cast<std::size_t>(u)]);
+        block.max_reach = std::max(block.max_reach, highest[static_cast<std::size_t>(u)]);
+      }
+      row[block_u] = block.max_reach > 0 ? block : Bounds{0, -kInfinity};
     }
   }
-  pyramid_.push_back(std::move(first));
   while (pyramid_.back().width > 1 || pyramid_.back().height > 1) {
     const PyramidLevel& fine = pyramid_.back();
     PyramidLevel coarse{blocks(fine.width, 1), blocks(fine.height, 1), {}};
     coarse.blocks.assign(static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height),
                          {kInfinity, -kInfinity});
-    i = 0;
+    std::size_t i = 0;
     for (int v = 0; v < fine.height; ++v) {
       for (int u = 0; u < fine.width; ++u, ++i) {
         Bounds& block = coarse.blocks[static_cast<std::size_t>(v >> 1) * static_cast<std::size_t>(coarse.width) +

@@ -47,6 +47,7 @@ Level LogOddsLevels::add(float log_odds, VoxelState state) {
 }
 
 bool LogOddsLevels::find_or_add(float log_odds, Level* level) {
+  if (log_odds == 0) log_odds = 0;  // one zero, whatever its sign
   const auto found = by_bits_.find(std::bit_cast<std::uint32_t>(log_odds));
   if (found != by_bits_.end()) {
     *level = found->second;

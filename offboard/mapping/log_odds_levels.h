@@ -47,7 +47,8 @@ class LogOddsLevels {
   double entropy(Level level) const { return entropies_[level]; }
   VoxelState state(Level level) const { return states_[level]; }
 
-  /// The level of exactly this value. False when kMaxLevels distinct values are there already.
+  /// The level of exactly this value (but for the sign of zero). False when kMaxLevels distinct values are there
+  /// already.
   bool find_or_add(float log_odds, Level* level);
 
   /// The level that an observed or unobserved voxel reaches by an update. With kMaxLevels levels taken, the nearest.

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,8 @@
 #include "offboard/mapping/sensor_model.h"
 
 namespace vantage {
+
+struct IntegrationScratch;
 
 /// What an integration did, or why it did nothing.
 struct IntegrationResult {
@@ -171,6 +174,17 @@ class OccupancyMap {
  private:
   static constexpr std::uint32_t kUniform = 0xffffffff;
 
+  /// What integrate() keeps between images. A copy of a map starts without.
+  struct Scratch {
+    std::unique_ptr<IntegrationScratch> held;
+    Scratch();
+    ~Scratch();
+    Scratch(const Scratch& /*other*/) : Scratch() {}
+    Scratch(Scratch&& /*other*/) noexcept : Scratch() {}
+    Scratch& operator=(const Scratch& /*other*/) { return *this; }
+    Scratch& operator=(Scratch&& /*other*/) noexcept { return *this; }
+  };
+
   struct Slot {
     std::uint32_t storage = kUniform;
     std::uint32_t revision = 0;
@@ -186,6 +200,7 @@ class OccupancyMap {
   std::vector<std::uint32_t> unused_;  // elements of storage_ given back
   std::uint32_t revision_ = 0;
   bool has_marks_ = false;
+  Scratch scratch_;
 };
 
 template <typename Visit>

@@ -1,0 +1,58 @@
+// The body of classify_voxels, included by one file an instruction set: loops that the compiler vectorises.
+// To be compiled without contraction of a * b + c, so that all give the same verdicts.
+
+#include <cmath>
+#include <cstddef>
+
+#include "offboard/mapping/voxel_projection.h"
+
+namespace vantage {
+namespace {
+
+constexpr std::size_t kLanes = 64;  // a layer of a brick at a time
+constexpr float kNearest = 1e-4F;   // m; a centre nearer the camera's plane projects nowhere useful
+
+void classify_layer(const VoxelProjection& p, std::size_t layer, std::uint8_t* missed, std::uint8_t* mark) {
+  alignas(64) float depth[kLanes], slant[kLanes], free_limit[kLanes], surface[kLanes];
+  alignas(64) std::int32_t pixel[kLanes];
+  const auto z = static_cast<float>(layer);
+  const float width = static_cast<float>(p.width), height = static_cast<float>(p.height);
+  const std::int32_t outside = p.width * p.height;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const auto x = static_cast<float>(static_cast<std::int32_t>(i & 7));
+    const auto y = static_cast<float>(static_cast<std::int32_t>(i >> 3));
+    const float px = p.first[0] + x * p.step_x[0] + y * p.step_y[0] + z * p.step_z[0];
+    const float py = p.first[1] + x * p.step_x[1] + y * p.step_y[1] + z * p.step_z[1];
+    const float pz = p.first[2] + x * p.step_x[2] + y * p.step_y[2] + z * p.step_z[2];
+    const float inverse = 1 / pz, across = px * inverse, down = py * inverse;
+    const float u = p.fx * across + p.cx, v = p.fy * down + p.cy;
+    const bool on_image = (pz > kNearest) & (u >= 0) & (v >= 0) & (u < width) & (v < height);
+    const float safe_u = on_image ? u : 0, safe_v = on_image ? v : 0;
+    const std::int32_t at = static_cast<std::int32_t>(safe_v) * p.width + static_cast<std::int32_t>(safe_u);
+    pixel[i] = on_image ? at : outside;
+    depth[i] = pz;
+    slant[i] = 1 + across * across + down * down;  // (length of the ray / depth)^2
+  }
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    free_limit[i] = p.free_limit[pixel[i]];
+    surface[i] = p.surface[pixel[i]];
+  }
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const float behind = (depth[i] - surface[i]) * __builtin_sqrtf(slant[i]);
+    const std::int32_t seen_through = depth[i] < free_limit[i];
+    const bool marked = (behind > 0) & (behind <= p.occlusion_range_m) & (seen_through == 0);
+    const float clamped = marked ? behind : 0;
+    const auto step = static_cast<std::int32_t>(1.5F + clamped * p.marks_per_metre);
+    missed[i] = static_cast<std::uint8_t>(seen_through);
+    mark[i] = static_cast<std::uint8_t>(marked ? step : 0);
+  }
+}
+
+void classify(const VoxelProjection& projection, VoxelVerdicts* verdicts) {
+  for (std::size_t layer = 0; layer < 8; ++layer) {
+    classify_layer(projection, layer, verdicts->missed.data() + kLanes * layer, verdicts->mark.data() + kLanes * layer);
+  }
+}
+
+}  // namespace
+}  // namespace vantage

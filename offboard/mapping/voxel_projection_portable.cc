@@ -1,0 +1,9 @@
+#include "offboard/mapping/voxel_projection_body.h"
+
+namespace vantage {
+
+void classify_voxels_portable(const VoxelProjection& projection, VoxelVerdicts* verdicts) {
+  classify(projection, verdicts);
+}
+
+}  // namespace vantage
