@@ -117,7 +117,8 @@ int run(const Arguments& arguments) {
   const SystemClock clock;
   const std::string folder = arguments.session.empty() ? default_session_folder() : arguments.session;
   std::error_code ignored;
-  if (replaying && std::filesystem::equivalent(folder, std::filesystem::path(arguments.replay).parent_path(), ignored)) {
+  if (replaying &&
+      std::filesystem::equivalent(folder, std::filesystem::path(arguments.replay).parent_path(), ignored)) {
     throw InputError("--session " + folder + ": is the folder of the log that is replayed; give another");
   }
   Session session(config, folder, arguments.overwrite, clock, std::cout);

@@ -6,6 +6,7 @@
 
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/digest.h"
+#include "lcmtypes/link/pose_fields.h"
 
 namespace vantage {
 namespace {
@@ -84,9 +85,7 @@ void PlannerLink::send_goal_when_due() {
   goal.planner = presence_.boot_id();
   goal.goal_id = goal_id_;
   goal.view_id = view.id;
-  const Eigen::Quaterniond rotation(view.T_world_camera.linear());
-  for (int i = 0; i < 3; ++i) goal.position[i] = view.T_world_camera.translation()[i];
-  for (int i = 0; i < 4; ++i) goal.quaternion_xyzw[i] = rotation.coeffs()[i];
+  set_pose(view.T_world_camera, &goal);
   publish_message(bus_, channel::kMotionGoal, goal);
   if (fresh) session_.log(channel::kMotionGoal, encode_message(goal));
   goal_sent_ = now;

@@ -7,18 +7,13 @@
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/digest.h"
+#include "lcmtypes/link/pose_fields.h"
 
 namespace vantage {
 namespace {
 
 constexpr std::chrono::milliseconds kStatePeriod{100};
 constexpr std::chrono::milliseconds kReceivePatience{1};
-
-Eigen::Isometry3d goal_pose(const motion_goal_t& goal) {
-  const Eigen::Quaterniond rotation(goal.quaternion_xyzw[3], goal.quaternion_xyzw[0], goal.quaternion_xyzw[1],
-                                    goal.quaternion_xyzw[2]);
-  return Eigen::Translation3d(goal.position[0], goal.position[1], goal.position[2]) * rotation;
-}
 
 }  // namespace
 
@@ -51,7 +46,8 @@ bool RobotLink::step(RobotEnd* end) {
 void RobotLink::on_goal(const motion_goal_t& message) {
   const RobotSnapshot now = executive_.snapshot();
   if (message.planner == now.planner && message.goal_id <= now.goal_id) return;  // it is sent until it is taken up
-  if (!executive_.take_goal({message.planner, message.goal_id, message.view_id, goal_pose(message)})) {
+  const std::optional<Eigen::Isometry3d> pose = pose_of(message);
+  if (!pose || !executive_.take_goal({message.planner, message.goal_id, message.view_id, *pose})) {
     ++refused_goals_;
     spdlog::warn("goal {} refused: its pose is not finite or not a rotation", message.goal_id);
     return;
@@ -68,9 +64,7 @@ void RobotLink::send_state() {
   state.planner = now.planner;
   state.goal_id = now.goal_id;
   state.activity = static_cast<std::int8_t>(now.activity);
-  const Eigen::Quaterniond rotation(now.T_world_camera.linear());
-  for (int i = 0; i < 3; ++i) state.position[i] = now.T_world_camera.translation()[i];
-  for (int i = 0; i < 4; ++i) state.quaternion_xyzw[i] = rotation.coeffs()[i];
+  set_pose(now.T_world_camera, &state);
   publish_message(bus_, channel::kRobotState, state);
   last_state_ = clock_.monotonic();
 }

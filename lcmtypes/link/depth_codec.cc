@@ -6,6 +6,8 @@
 
 #include <zstd.h>
 
+#include "lcmtypes/link/pose_fields.h"
+
 namespace vantage {
 namespace {
 
@@ -74,9 +76,7 @@ depth_map_t pack_depth_map(const DepthMap& map) {
   message.focal_length[1] = map.camera.fy;
   message.principal_point[0] = map.camera.cx;
   message.principal_point[1] = map.camera.cy;
-  const Eigen::Quaterniond rotation(map.T_world_camera.linear());
-  for (int i = 0; i < 3; ++i) message.position[i] = map.T_world_camera.translation()[i];
-  for (int i = 0; i < 4; ++i) message.quaternion_xyzw[i] = rotation.coeffs()[i];
+  set_pose(map.T_world_camera, &message);
 
   double lowest = 0, highest = 0;  // inverse depth, 1/m
   for (std::size_t i = 0; i < map.depth_m.size(); ++i) {
@@ -132,10 +132,9 @@ std::optional<DepthMap> unpack_depth_map(const depth_map_t& message, std::string
   if (!(std::isfinite(lowest) && std::isfinite(highest) && lowest > 0 && highest >= lowest)) {
     return refuse("the range of inverse depth is not positive and rising");
   }
-  const Eigen::Quaterniond rotation(message.quaternion_xyzw[3], message.quaternion_xyzw[0], message.quaternion_xyzw[1],
-                                    message.quaternion_xyzw[2]);
-  if (!(std::abs(rotation.norm() - 1) < 1e-6)) return refuse("the pose T_world_camera is not finite or not a rotation");
-  map.T_world_camera = Eigen::Translation3d(message.position[0], message.position[1], message.position[2]) * rotation;
+  const std::optional<Eigen::Isometry3d> pose = pose_of(message);
+  if (!pose) return refuse("the pose T_world_camera is not finite or not a rotation");
+  map.T_world_camera = *pose;
 
   const std::size_t pixels = static_cast<std::size_t>(message.width) * static_cast<std::size_t>(message.height);
   Planes planes(pixels, static_cast<std::size_t>(message.width));

@@ -9,7 +9,7 @@ namespace vantage {
 namespace {
 
 /// Budget that may gather while `step` is not called: a longer burst would overrun the receiver's socket buffer.
-constexpr double kLargestBurstBytes = 64 * 1024;
+constexpr double kLargestBurstBytes = 24 * 1024;
 
 }  // namespace
 

@@ -1,0 +1,127 @@
+#include "offboard/planner_link.h"
+
+#include <filesystem>
+#include <sstream>
+
+#include <gtest/gtest.h>
+
+#include "calib/files/input_error.h"
+#include "lcmtypes/link/depth_codec.h"
+#include "lcmtypes/link/memory_bus.h"
+#include "tests/lcmtypes/sample_depth_map.h"
+
+namespace vantage {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// A planner with a robot that the test plays, on one bus in simulated time.
+class PlannerLinkTest : public testing::Test {
+ protected:
+  static constexpr milliseconds kRound{50};
+
+  PlannerLinkTest()
+      : session_(config(), folder(), true, clock_, terminal_),
+        link_(bus_, clock_, session_, "1"),
+        robot_(bus_, clock_, Role::kRobot, "1") {
+    subscribe_message<motion_goal_t>(bus_, channel::kMotionGoal, &decode_,
+                                     [this](const motion_goal_t& goal) { goals_.push_back(goal); });
+  }
+  static SessionConfig config() {
+    SessionConfig config;
+    config.region = Region::cube({0, 0, 0.6}, 1.28, 0.08);
+    config.planning->ray_columns = config.planning->ray_rows = 8;
+    config.planning->planner.most_views = 2;
+    return config;
+  }
+  static std::filesystem::path folder() {
+    return std::filesystem::path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name();
+  }
+  bool run(milliseconds duration, bool robot_lives, PlannerEnd* end) {
+    for (milliseconds t{0}; t < duration; t += kRound) {
+      clock_.advance(kRound);
+      if (robot_lives) robot_.step();
+      if (link_.step(end)) return true;
+      while (bus_.handle(milliseconds(0))) {
+      }
+    }
+    return false;
+  }
+  void answer(std::int64_t goal_id, std::int64_t map_id) {
+    DepthMap map = sample_depth_map(32, 24);
+    map.goal_id = goal_id;
+    map.map_id = map_id;
+    map.view_id = session_.goal()->id;
+    map.T_world_camera = session_.goal()->T_world_camera;
+    publish_message(bus_, channel::kDepthMap, pack_depth_map(map));
+  }
+
+  ManualClock clock_;
+  MemoryBus bus_;
+  DecodeCounters decode_;
+  std::ostringstream terminal_;
+  std::vector<motion_goal_t> goals_;
+  Session session_;
+  PlannerLink link_;
+  Presence robot_;
+  PlannerEnd end_;
+};
+
+TEST_F(PlannerLinkTest, SendsAGoalUntilItIsTakenUp) {
+  ASSERT_FALSE(run(milliseconds(2000), true, &end_));
+  EXPECT_GE(goals_.size(), 9u);  // every 200 ms
+  for (const motion_goal_t& goal : goals_) EXPECT_EQ(goal.goal_id, goals_[0].goal_id);
+  robot_state_t state{};
+  state.planner = goals_[0].planner;
+  state.goal_id = goals_[0].goal_id;
+  publish_message(bus_, channel::kRobotState, state);
+  ASSERT_FALSE(run(milliseconds(50), true, &end_));
+  const std::size_t sent = goals_.size();
+  ASSERT_FALSE(run(milliseconds(2000), true, &end_));
+  EXPECT_EQ(goals_.size(), sent);
+}
+
+TEST_F(PlannerLinkTest, GoesFromMapToMapToTheEnd) {
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  answer(goals_.back().goal_id, 1);
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  EXPECT_EQ(goals_.back().goal_id, goals_.front().goal_id + 1);
+  answer(goals_.back().goal_id, 2);
+  ASSERT_TRUE(run(milliseconds(500), true, &end_));
+  EXPECT_EQ(end_.exit_status, kExitOk);
+  EXPECT_EQ(end_.message, "the limit of 2 views is reached");
+}
+
+TEST_F(PlannerLinkTest, AMapOfAnotherGoalIsRefusedAndCounted) {
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  answer(goals_.back().goal_id - 1, 1);
+  answer(0, 2);
+  ASSERT_FALSE(run(milliseconds(100), true, &end_));
+  EXPECT_EQ(link_.refused_maps(), 2u);
+  EXPECT_EQ(session_.steps(), 0);
+}
+
+TEST_F(PlannerLinkTest, SaysThatNoRobotIsThere) {
+  ASSERT_FALSE(run(milliseconds(29'900), false, &end_));
+  ASSERT_TRUE(run(milliseconds(200), false, &end_));
+  EXPECT_EQ(end_.exit_status, kExitPeerLost);
+  EXPECT_NE(end_.message.find("no robot was heard"), std::string::npos);
+  EXPECT_TRUE(goals_.empty());
+}
+
+TEST_F(PlannerLinkTest, SaysThatTheRobotHasGone) {
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  ASSERT_TRUE(run(milliseconds(3500), false, &end_));
+  EXPECT_EQ(end_.exit_status, kExitPeerLost);
+  EXPECT_NE(end_.message.find("no heartbeat"), std::string::npos);
+}
+
+TEST_F(PlannerLinkTest, SaysThatNoDepthMapComes) {
+  ASSERT_FALSE(run(milliseconds(59'900), true, &end_));
+  ASSERT_TRUE(run(milliseconds(400), true, &end_));
+  EXPECT_EQ(end_.exit_status, kExitPeerLost);
+  EXPECT_NE(end_.message.find("no depth map of view 0"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace vantage

@@ -1,0 +1,124 @@
+#include "onboard/executive/executive.h"
+
+#include <cmath>
+#include <functional>
+
+#include <gtest/gtest.h>
+
+#include "calib/files/input_error.h"
+#include "tests/onboard/fake_robot.h"
+
+namespace vantage {
+namespace {
+
+using std::chrono::milliseconds;
+
+bool within(milliseconds patience, const std::function<bool()>& condition) {
+  const auto deadline = std::chrono::steady_clock::now() + patience;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > deadline) return false;
+    std::this_thread::sleep_for(milliseconds(2));
+  }
+  return true;
+}
+
+ViewGoal goal_at(std::int64_t id, const Eigen::Vector3d& position) {
+  ViewGoal goal{1, id, 10 + id, Eigen::Isometry3d::Identity()};
+  goal.T_world_camera.translation() = position;
+  return goal;
+}
+
+class ExecutiveTest : public testing::Test {
+ protected:
+  FakeRobot robot_;
+  StereoDepth depth_{FakeRobot::camera(), FakeRobot::kBaseline_m, {.disparities = 16}};
+  FlightLimits limits_{5, 5};
+};
+
+TEST_F(ExecutiveTest, FliesExposesAndHandsOverOnce) {
+  Executive executive(robot_, robot_, depth_, limits_);
+  EXPECT_EQ(executive.snapshot().activity, Activity::kIdle);
+  ASSERT_TRUE(executive.take_goal(goal_at(3, {0.4, 0, 0})));
+  std::optional<DepthMap> map;
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
+  EXPECT_EQ(map->goal_id, 3);
+  EXPECT_EQ(map->view_id, 13);
+  EXPECT_EQ(map->T_world_camera.translation(), Eigen::Vector3d(0.4, 0, 0));
+  EXPECT_FALSE(executive.fetch_depth_map());
+  EXPECT_EQ(executive.snapshot().goal_id, 3);
+  EXPECT_EQ(executive.snapshot().activity, Activity::kIdle);
+  EXPECT_GT(robot_.path().size(), 3u);  // it flew; it did not jump
+}
+
+TEST_F(ExecutiveTest, RefusesAPoseThatIsNotRigid) {
+  Executive executive(robot_, robot_, depth_, limits_);
+  ViewGoal bad = goal_at(1, {std::nan(""), 0, 0});
+  EXPECT_FALSE(executive.take_goal(bad));
+  bad = goal_at(1, {0, 0, 0});
+  bad.T_world_camera.linear() *= 1.1;
+  EXPECT_FALSE(executive.take_goal(bad));
+  EXPECT_EQ(executive.snapshot().goal_id, 0);
+  EXPECT_TRUE(robot_.path().empty());
+}
+
+TEST_F(ExecutiveTest, ANewGoalReplacesTheOneUnderWay) {
+  limits_ = {0.5, 5};
+  Executive executive(robot_, robot_, depth_, limits_);
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {5, 0, 0})));
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return robot_.path().size() > 5; }));
+  ASSERT_TRUE(executive.take_goal(goal_at(2, {0, 0.1, 0})));
+  std::optional<DepthMap> map;
+  ASSERT_TRUE(within(milliseconds(8000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
+  EXPECT_EQ(map->goal_id, 2);
+  for (const Eigen::Isometry3d& pose : robot_.path()) EXPECT_LT(pose.translation().x(), 4.9);
+}
+
+TEST_F(ExecutiveTest, HoldStopsWhereItIs) {
+  limits_ = {0.5, 5};
+  Executive executive(robot_, robot_, depth_, limits_);
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {5, 0, 0})));
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return robot_.path().size() > 5; }));
+  executive.hold();
+  std::this_thread::sleep_for(milliseconds(100));
+  const std::size_t stopped = robot_.path().size();
+  std::this_thread::sleep_for(milliseconds(200));
+  EXPECT_EQ(robot_.path().size(), stopped);
+  EXPECT_EQ(executive.snapshot().activity, Activity::kIdle);
+  EXPECT_FALSE(executive.fetch_depth_map());
+}
+
+TEST_F(ExecutiveTest, ADepthMapThatIsNotFetchedIsNotReplaced) {
+  Executive executive(robot_, robot_, depth_, limits_);
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0})));
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == Activity::kIdle; }));
+  ASSERT_TRUE(executive.take_goal(goal_at(2, {0.2, 0, 0})));
+  std::this_thread::sleep_for(milliseconds(200));
+  EXPECT_EQ(executive.fetch_depth_map()->goal_id, 1);
+  std::optional<DepthMap> map;
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
+  EXPECT_EQ(map->goal_id, 2);
+}
+
+TEST_F(ExecutiveTest, SaysWhenTheCameraHasGone) {
+  Executive executive(robot_, robot_, depth_, limits_);
+  std::string reason;
+  EXPECT_FALSE(executive.ended(&reason));
+  robot_.vanish("unplugged");
+  ASSERT_TRUE(within(milliseconds(2000), [&] { return executive.ended(&reason); }));
+  EXPECT_EQ(reason, "unplugged");
+}
+
+TEST_F(ExecutiveTest, DoesNotStartOnACameraOfAnotherSize) {
+  CameraModel other = FakeRobot::camera();
+  other.width = 64;
+  StereoDepth depth(other, 0.1, {.disparities = 16});
+  try {
+    Executive executive(robot_, robot_, depth, limits_);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("128 x 48 pixels, the rig's camera 64 x 48"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace vantage

@@ -1,0 +1,215 @@
+#!/usr/bin/env bash
+# One test over several programs: tests/system/run.sh BIN NAME. Runs in a network of its own (scripts/private-network).
+# A test is a function test_NAME; it fails by `fail`, and finds a scratch folder in $scratch.
+set -uo pipefail
+root=$(cd "$(dirname "$0")/../.." && pwd)
+bin=$1 name=$2
+export VANTAGE_BIN=$bin
+teapot=$root/models/teapot.ply
+rig=$root/calib/rigs/simulated_stereo.yaml
+scratch=$(mktemp -d)
+pids=()
+# shellcheck disable=SC2317  # called by the trap
+cleanup() {
+  for pid in "${pids[@]}"; do kill -KILL "$pid" 2>/dev/null; done
+  rm -rf "$scratch"
+}
+trap cleanup EXIT
+
+fail() {
+  echo "FAILED: $1" >&2
+  for log in "$scratch"/*.log; do [[ -f $log ]] && { echo "--- $log" >&2; tail -n 20 "$log" >&2; }; done
+  exit 1
+}
+
+# expect_status STATUS COMMAND...: the command's output goes to $scratch/out.log.
+expect_status() {
+  local want=$1 got=0
+  shift
+  "$@" >"$scratch/out.log" 2>&1 || got=$?
+  ((got == want)) || fail "exit status $got instead of $want: $*"
+}
+
+# expect_error TEXT COMMAND...: status 2, one line on stderr that holds TEXT, nothing on stdout.
+expect_error() {
+  local text=$1
+  shift
+  local got=0
+  "$@" >"$scratch/stdout.log" 2>"$scratch/stderr.log" || got=$?
+  ((got == 2)) || fail "exit status $got instead of 2: $*"
+  grep -qF -- "$text" "$scratch/stderr.log" || fail "no \"$text\" on stderr: $*"
+  (($(wc -l <"$scratch/stderr.log") == 1)) || fail "more than one line on stderr: $*"
+  [[ ! -s $scratch/stdout.log ]] || fail "something on stdout: $*"
+}
+
+# await_socket PATH PID: until the process serves there, 20 s at most.
+await_socket() {
+  for _ in $(seq 400); do
+    [[ -S $1 ]] && return
+    kill -0 "$2" 2>/dev/null || break
+    sleep 0.05
+  done
+  fail "nobody serves $1"
+}
+
+start_sim() {
+  "$bin/vantage-sim" --object "$teapot" --socket "$scratch/sim" --write-truth "$scratch/truth.ply" \
+    >"$scratch/sim.log" 2>&1 &
+  sim=$!
+  pids+=("$sim")
+  await_socket "$scratch/sim" "$sim"
+}
+
+# Starts simulator and robot; sets $sim and $onboard.
+start_robot() {
+  start_sim
+  "$bin/vantage-onboard" --camera "sim:$scratch/sim" --rig "$rig" "$@" >"$scratch/onboard.log" 2>&1 &
+  onboard=$!
+  pids+=("$onboard")
+}
+
+start_planner() {
+  "$bin/vantage-offboard" --session "$scratch/session" --overwrite --truth "$scratch/truth.ply" "$@" \
+    >"$scratch/offboard.log" 2>&1 &
+  offboard=$!
+  pids+=("$offboard")
+}
+
+# expect_end PID SECONDS STATUS NAME: the process ends in time, with that status.
+expect_end() {
+  local pid=$1 deadline=$((SECONDS + $2 + 1)) want=$3 got=0
+  while kill -0 "$pid" 2>/dev/null; do
+    ((SECONDS < deadline)) || fail "$4 still runs after $2 s"
+    sleep 0.1
+  done
+  wait "$pid" || got=$?
+  ((got == want)) || fail "$4 ended with status $got instead of $want"
+}
+
+await_view() {
+  for _ in $(seq 600); do
+    grep -q "^view $1 of" "$scratch/offboard.log" && return
+    sleep 0.1
+  done
+  fail "view $1 does not come"
+}
+
+# --- The whole way: twelve views, at least 85 % of the teapot, and the same decisions again from the log.
+test_reconstruction() {
+  expect_status 0 "$root/scripts/run-simulation" "$scratch" "$teapot" 1 --most-views 12
+  local last
+  last=$(tail -n 1 "$scratch/out.log")
+  [[ $last =~ ^coverage\ (0\.[0-9]{3})\ after\ 12\ views$ ]] || fail "last line is \"$last\""
+  awk -v c="${BASH_REMATCH[1]}" 'BEGIN { exit !(c >= 0.85) }' || fail "$last: less than 0.85"
+  for file in log.lcm steps.csv scores.csv map.ot cloud.ply config.yaml; do
+    [[ -s $scratch/$file ]] || fail "$file is missing"
+  done
+  expect_status 0 "$bin/vantage-offboard" --replay "$scratch/log.lcm" --speed 0 --session "$scratch/again"
+  for file in steps.csv scores.csv map.ot cloud.ply; do
+    cmp "$scratch/$file" "$scratch/again/$file" || fail "the replay's $file differs"
+  done
+  [[ $(tail -n 1 "$scratch/out.log") == "$last" ]] || fail "the replay ends with another line"
+  echo "$last"
+}
+
+# --- A file of views instead of the paper's.
+test_views_from_file() {
+  printf '0.6 0 0.15 -0.5 -0.5 0.5 0.5\n0 0.6 0.15 0 -0.7071068 0.7071068 0\n' >"$scratch/views.txt"
+  start_robot
+  expect_status 0 "$bin/vantage-offboard" --session "$scratch/session" --views "$scratch/views.txt" --gain occlusion_aware
+  grep -q 'every candidate has been visited' "$scratch/out.log" || fail "did not visit both views"
+  expect_end "$onboard" 5 0 vantage-onboard
+  expect_end "$sim" 5 0 vantage-sim
+}
+
+# --- Whoever is killed, the others end within 5 s and say why.
+test_kill_sim() {
+  start_robot
+  start_planner
+  await_view 1
+  kill -KILL "$sim"
+  expect_end "$onboard" 5 3 vantage-onboard
+  expect_end "$offboard" 5 3 vantage-offboard
+  grep -q 'the simulator has gone' "$scratch/onboard.log" || fail "onboard does not say why"
+  grep -q 'the robot has ended: the simulator has gone' "$scratch/offboard.log" || fail "offboard does not say why"
+  [[ -s $scratch/session/map.ot ]] || fail "the planner lost its map"
+}
+
+test_kill_onboard() {
+  start_robot
+  start_planner
+  await_view 1
+  kill -KILL "$onboard"
+  expect_end "$sim" 5 3 vantage-sim
+  expect_end "$offboard" 5 3 vantage-offboard
+  grep -q 'client' "$scratch/sim.log" || fail "the simulator does not say why"
+  grep -q 'the robot has gone' "$scratch/offboard.log" || fail "offboard does not say why"
+}
+
+test_kill_offboard() {
+  start_robot
+  start_planner
+  await_view 1
+  kill -KILL "$offboard"
+  expect_end "$onboard" 5 3 vantage-onboard
+  expect_end "$sim" 5 0 vantage-sim
+  grep -q 'the planner has gone' "$scratch/onboard.log" || fail "onboard does not say why"
+}
+
+# --- A robot told to hold goes on with the next planner.
+test_hold_without_planner() {
+  start_robot --on-lost-planner hold
+  start_planner
+  await_view 1
+  kill -KILL "$offboard"
+  sleep 4
+  kill -0 "$onboard" || fail "the robot's program has ended"
+  grep -q 'stands still' "$scratch/onboard.log" || fail "the robot does not say that it holds"
+  : >"$scratch/offboard.log"
+  start_planner --most-views 2
+  expect_end "$offboard" 40 0 vantage-offboard
+  expect_end "$onboard" 5 0 vantage-onboard
+}
+
+# --- A network without a multicast route.
+test_no_route() {
+  ip route del 224.0.0.0/4 dev lo
+  expect_error "ip route add 224.0.0.0/4 dev lo" "$bin/vantage-offboard" --session "$scratch/session"
+  [[ ! -e $scratch/session ]] || fail "left a session behind"
+}
+
+# --- Bad input is named, with status 2, and nothing is left behind.
+test_bad_input() {
+  local offboard=("$bin/vantage-offboard" --session "$scratch/session")
+  printf 'not a log, but long enough for a header' >"$scratch/text.lcm"
+  expect_error "none.lcm: no such file" "${offboard[@]}" --replay "$scratch/none.lcm"
+  expect_error "text.lcm: at byte 0: not an LCM log" "${offboard[@]}" --replay "$scratch/text.lcm"
+  expect_error "none.ply: no such file" "${offboard[@]}" --truth "$scratch/none.ply"
+  expect_error "none.yaml: no such file" "${offboard[@]}" --config "$scratch/none.yaml"
+  printf 'config_version: 1\nregion:\n  resolution: 1\n' >"$scratch/bare.yaml"
+  expect_error "bare.yaml:3: region.resolution: expected a number with its unit" "${offboard[@]}" \
+    --config "$scratch/bare.yaml"
+  printf '0 0 0 0 0 0 1\n1 nan 0 0 0 0 1\n' >"$scratch/views.txt"
+  expect_error "views.txt:2: the number nan is not finite" "${offboard[@]}" --views "$scratch/views.txt"
+  expect_error "there is no view 99" "${offboard[@]}" --first-view 99
+  expect_error "rear_side_entropy" "${offboard[@]}" --gain best
+  [[ ! -e $scratch/session ]] || fail "left a session behind"
+
+  expect_error "sim:SOCKET" "$bin/vantage-onboard" --camera v4l2:/dev/video0 --rig "$rig"
+  expect_error "$scratch/none.yaml" "$bin/vantage-onboard" --camera sim:x --rig "$scratch/none.yaml"
+  expect_error "none.obj" "$bin/vantage-sim" --object "$scratch/none.obj" --socket "$scratch/s"
+
+  sed 's/752/640/' "$rig" >"$scratch/small.yaml"
+  start_sim
+  expect_error "small.yaml: its camera (640 x 480" "$bin/vantage-onboard" --camera "sim:$scratch/sim" \
+    --rig "$scratch/small.yaml"
+
+  mkdir "$scratch/recording"
+  expect_error "holds no recording" "$bin/vantage-import" "$scratch/recording" --out "$scratch/out.lcm"
+  expect_error "none: no such folder" "$bin/vantage-import" "$scratch/none" --out "$scratch/out.lcm"
+  [[ ! -e $scratch/out.lcm ]] || fail "left a log behind"
+}
+
+declare -F "test_$name" >/dev/null || fail "there is no test $name"
+"test_$name"
+echo "passed: $name"
