@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <optional>
 
+#include "offboard/mapping/tsdf_integrator.h"
 #include "offboard/mapping/voxel_projection.h"
 
 namespace vantage {
@@ -23,7 +25,7 @@ std::uint8_t hit_kind(double sigma_voxels) {
 
 class DepthIntegration {
  public:
-  DepthIntegration(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
+  DepthIntegration(const DepthMap& depth_map, OccupancyMap* map, Tsdf* tsdf, IntegrationScratch* scratch,
                    const std::vector<std::uint8_t>* only)
       : depth_map_(depth_map),
         map_(*map),
@@ -44,6 +46,11 @@ class DepthIntegration {
     origin_ = T_camera_world * map->region().center(Eigen::Vector3i::Zero());
     columns_ = T_camera_world.linear() * map->region().resolution_m;
     lookup_.prepare(depth_map, map->sensor_model());
+    if (tsdf != nullptr) {
+      tsdf_ = tsdf;
+      tsdf_integrator_.emplace(depth_map, lookup_.surface(), tsdf);
+      truncation_ = static_cast<float>(tsdf->truncation_m());
+    }
     projection_.fx = fx_;
     projection_.fy = fy_;
     projection_.cx = cx_;
@@ -78,7 +85,12 @@ class DepthIntegration {
   }
 
  private:
-  enum class Cover { kNothing, kAllFree, kMixed };
+  enum class Cover {
+    kNothing,   // out of sight or reach
+    kFarFree,   // all seen through, the surface farther away than the TSDF's truncation
+    kNearFree,  // all seen through
+    kMixed
+  };
   struct Judged {
     int missed = 0, marked = 0;  // voxels
   };
@@ -89,6 +101,7 @@ class DepthIntegration {
   Cover classify(const Eigen::Vector3i& first_voxel, const Eigen::Vector3i& voxels) const;
   bool free_all(std::size_t brick);
   bool miss(const std::array<std::uint8_t, OccupancyMap::kBrickVoxels>& missed, OccupancyMap::Brick* brick);
+  Eigen::Vector3f project_from(const Eigen::Vector3i& position);
   Judged judge_voxels(const Eigen::Vector3i& position, const HitMask* hits);
   bool update_voxels(const Judged& judged, const HitMask* hits, OccupancyMap::Brick* brick);
   int footprint_half_width(float depth) const {
@@ -106,6 +119,9 @@ class DepthIntegration {
   Eigen::Matrix3f axes_;     // steps of one voxel along x, y, z, camera frame
   Eigen::Matrix3d columns_;  // the same, for positions far from the origin
   Eigen::Vector3d origin_;
+  Tsdf* tsdf_ = nullptr;
+  std::optional<TsdfIntegrator> tsdf_integrator_;
+  float truncation_ = 0;
   VoxelProjection projection_;
   VoxelVerdicts verdicts_;
   ClassifyVoxels classify_voxels_ = best_classify_voxels();
@@ -183,7 +199,8 @@ DepthIntegration::Cover DepthIntegration::classify(const Eigen::Vector3i& first_
                                                     pixel(v_min, height) - reach, pixel(v_max, height) + reach);
   if (z_min > kDepthSlack * (bounds.max_reach + occlusion_range_)) return Cover::kNothing;
   const bool inside = u_min >= 1 && v_min >= 1 && u_max < width - 1 && v_max < height - 1;
-  return inside && z_max * kDepthSlack < bounds.min_free ? Cover::kAllFree : Cover::kMixed;
+  if (!inside || !(z_max * kDepthSlack < bounds.min_free)) return Cover::kMixed;
+  return z_max * kDepthSlack + truncation_ < bounds.min_free ? Cover::kFarFree : Cover::kNearFree;
 }
 
 void DepthIntegration::integrate_group(const Eigen::Vector3i& first, const Eigen::Vector3i& extent) {
@@ -194,8 +211,16 @@ void DepthIntegration::integrate_group(const Eigen::Vector3i& first, const Eigen
       for (offset.x() = 0; offset.x() < extent.x(); ++offset.x()) {
         const Eigen::Vector3i position = first + offset;
         if (only_ != nullptr && (*only_)[map_.brick_index(position)] == 0) continue;
-        integrate_brick(position,
-                        cover == Cover::kMixed ? classify(kEdge * position, Eigen::Vector3i::Constant(kEdge)) : cover);
+        const Cover own = cover == Cover::kMixed || cover == Cover::kNearFree
+                              ? classify(kEdge * position, Eigen::Vector3i::Constant(kEdge))
+                              : cover;
+        integrate_brick(position, own);
+        if (tsdf_ == nullptr || own == Cover::kNothing) continue;
+        // Far from the surface there is nothing to add but to what stands there already.
+        const std::size_t brick = map_.brick_index(position);
+        if (own == Cover::kFarFree && tsdf_->find(brick) == nullptr) continue;
+        project_from(position);
+        tsdf_integrator_->integrate(brick, projection_);
       }
     }
   }
@@ -207,7 +232,7 @@ void DepthIntegration::integrate_brick(const Eigen::Vector3i& position, Cover co
   if (cover == Cover::kNothing && slot == 0) return;
   const HitMask* hits = slot == 0 ? nullptr : &hits_[slot - 1];
   bool changed = false;
-  if (cover == Cover::kAllFree && hits == nullptr) {
+  if ((cover == Cover::kFarFree || cover == Cover::kNearFree) && hits == nullptr) {
     changed = free_all(index);
   } else {
     const Judged judged = judge_voxels(position, hits);
@@ -278,12 +303,18 @@ bool DepthIntegration::miss(const std::array<std::uint8_t, OccupancyMap::kBrickV
   return changed;
 }
 
+/// Turns the projection to a brick; the camera coordinates of its first voxel's centre.
+Eigen::Vector3f DepthIntegration::project_from(const Eigen::Vector3i& position) {
+  const Eigen::Vector3f first = (origin_ + columns_ * (kEdge * position).cast<double>()).cast<float>();
+  projection_.first = {first.x(), first.y(), first.z()};
+  return first;
+}
+
 /// Asks the image about every voxel of a brick; the answers are in verdicts_.
 DepthIntegration::Judged DepthIntegration::judge_voxels(const Eigen::Vector3i& position, const HitMask* hits) {
   const Eigen::Vector3i extent = map_.brick_extent(position);
-  const Eigen::Vector3f first = (origin_ + columns_ * (kEdge * position).cast<double>()).cast<float>();
+  const Eigen::Vector3f first = project_from(position);
   const float middle = (first + axes_ * Eigen::Vector3f::Constant(0.5F * (kEdge - 1))).z();
-  projection_.first = {first.x(), first.y(), first.z()};
   projection_.free_limit = lookup_.free_limit_in_window(footprint_half_width(middle)).data();
   VoxelVerdicts& verdicts = verdicts_;
   classify_voxels_(projection_, &verdicts);
@@ -337,16 +368,20 @@ bool DepthIntegration::update_voxels(const Judged& judged, const HitMask* hits, 
 
 }  // namespace
 
-IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
-                                      const std::vector<std::uint8_t>* only) {
+IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map, Tsdf* tsdf,
+                                      IntegrationScratch* scratch, const std::vector<std::uint8_t>* only) {
   IntegrationResult result;
   if (!depth_map.valid(&result.error)) return result;
-  return DepthIntegration(depth_map, map, scratch, only).run();
+  if (tsdf != nullptr && !(tsdf->region() == map->region())) {
+    result.error = "the TSDF has another region than the map";
+    return result;
+  }
+  return DepthIntegration(depth_map, map, tsdf, scratch, only).run();
 }
 
-IntegrationResult OccupancyMap::integrate(const DepthMap& depth_map) {
+IntegrationResult OccupancyMap::integrate(const DepthMap& depth_map, Tsdf* tsdf) {
   if (scratch_.held == nullptr) scratch_.held = std::make_unique<IntegrationScratch>();
-  return integrate_depth_map(depth_map, this, scratch_.held.get());
+  return integrate_depth_map(depth_map, this, tsdf, scratch_.held.get());
 }
 
 OccupancyMap::Scratch::Scratch() = default;

@@ -7,6 +7,7 @@
 #include "lcmtypes/link/depth_map.h"
 #include "offboard/mapping/depth_lookup.h"
 #include "offboard/mapping/occupancy_map.h"
+#include "offboard/mapping/tsdf.h"
 
 namespace vantage {
 
@@ -40,7 +41,7 @@ struct IntegrationScratch {
 ///
 /// `scratch` keeps its storage from one image to the next. `only`, when given, has an entry for every brick of the map:
 /// bricks at 0 stay as they are. Refuses what DepthMap::valid refuses, the map unchanged.
-IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
-                                      const std::vector<std::uint8_t>* only = nullptr);
+IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map, Tsdf* tsdf,
+                                      IntegrationScratch* scratch, const std::vector<std::uint8_t>* only = nullptr);
 
 }  // namespace vantage

@@ -18,6 +18,7 @@
 namespace vantage {
 
 struct IntegrationScratch;
+class Tsdf;
 
 /// What an integration did, or why it did nothing.
 struct IntegrationResult {
@@ -100,8 +101,8 @@ class OccupancyMap {
 
   // Updates.
 
-  /// Voxel-projective integration of a depth image (depth_integrator.h).
-  IntegrationResult integrate(const DepthMap& depth_map);
+  /// Voxel-projective integration of a depth image (depth_integrator.h); into a TSDF of the same region too, if given.
+  IntegrationResult integrate(const DepthMap& depth_map, Tsdf* tsdf = nullptr);
 
   /// Exact ray walk from a sensor's origin to every point (world, m), as OctoMap's insertPointCloud does with
   /// discretize off: a voxel is updated once a cloud, and an end point wins over a passing ray. Points beyond max_range
