@@ -12,6 +12,7 @@
 #include <assimp/scene.h>
 
 #include "calib/files/input_error.h"
+#include "calib/files/ply.h"
 
 namespace vantage::sim {
 namespace {
@@ -37,6 +38,26 @@ void check_readable(const std::filesystem::path& path) {
   if (!std::ifstream(path)) fail(path, "can't be read; check its permissions");
 }
 
+bool is_ply(const std::filesystem::path& path) {
+  std::string first_line;
+  std::getline(std::ifstream(path, std::ios::binary), first_line);
+  return first_line == "ply" || first_line == "ply\r";
+}
+
+/// Refuses indices that lead outside, before assimp's own steps follow them.
+void check_indices(const std::filesystem::path& path, const aiScene& scene) {
+  for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
+    const aiMesh& part = *scene.mMeshes[m];
+    for (unsigned i = 0; i < part.mNumFaces; ++i) {
+      for (unsigned k = 0; k < part.mFaces[i].mNumIndices; ++k) {
+        if (part.mFaces[i].mIndices[k] >= part.mNumVertices) {
+          fail(path, "face " + std::to_string(i) + " names a vertex that is not there; repair the mesh");
+        }
+      }
+    }
+  }
+}
+
 /// Appends one of assimp's meshes; the scene's node transforms have been applied before.
 void append(const std::filesystem::path& path, const aiMesh& part, Mesh* mesh) {
   const std::size_t base = mesh->points.size();
@@ -51,14 +72,26 @@ void append(const std::filesystem::path& path, const aiMesh& part, Mesh* mesh) {
     const aiFace& face = part.mFaces[i];
     if (face.mNumIndices != 3) continue;
     std::array<std::uint32_t, 3> triangle{};
-    for (unsigned k = 0; k < 3; ++k) {
-      if (face.mIndices[k] >= part.mNumVertices) {
-        fail(path, "face " + std::to_string(i) + " names a vertex that is not there; repair the mesh");
-      }
-      triangle[k] = static_cast<std::uint32_t>(base + face.mIndices[k]);
-    }
+    for (unsigned k = 0; k < 3; ++k) triangle[k] = static_cast<std::uint32_t>(base + face.mIndices[k]);
     mesh->triangles.push_back(triangle);
   }
+}
+
+Mesh read_with_assimp(const std::filesystem::path& path) {
+  Assimp::Importer importer;
+  importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
+  const aiScene* scene = importer.ReadFile(path.string(), 0);
+  if (scene != nullptr) {
+    check_indices(path, *scene);
+    scene =
+        importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_PreTransformVertices);
+  }
+  if (scene == nullptr) {
+    fail(path, "no mesh with triangles can be read from it (" + one_line(importer.GetErrorString()) + ")");
+  }
+  Mesh mesh;
+  for (unsigned i = 0; i < scene->mNumMeshes; ++i) append(path, *scene->mMeshes[i], &mesh);
+  return mesh;
 }
 
 void turn_scale_and_set_down(const std::filesystem::path& path, UpAxis up, double size_m, Mesh* mesh) {
@@ -104,16 +137,14 @@ Mesh load_mesh(const std::filesystem::path& path, const MeshOptions& options) {
   }
   check_readable(path);
 
-  Assimp::Importer importer;
-  importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-  const aiScene* scene =
-      importer.ReadFile(path.string(), aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_PreTransformVertices);
-
   Mesh mesh;
-  if (scene == nullptr) {
-    fail(path, "no mesh with triangles can be read from it (" + one_line(importer.GetErrorString()) + ")");
+  if (is_ply(path)) {
+    // Not through assimp, whose reader makes up the faces that a file cut short lacks.
+    PlyModel model = read_ply(path);
+    mesh = {std::move(model.points), std::move(model.triangles)};
+  } else {
+    mesh = read_with_assimp(path);
   }
-  for (unsigned i = 0; i < scene->mNumMeshes; ++i) append(path, *scene->mMeshes[i], &mesh);
   if (mesh.triangles.empty()) fail(path, "the mesh has no triangles; a point cloud can't be rendered");
   turn_scale_and_set_down(path, options.up.value_or(default_up(path)), options.size_m, &mesh);
   return mesh;

@@ -58,8 +58,11 @@ class Server::Implementation {
 
   ServeEnd run(int stop_fd) {
     const auto started = SteadyClock::now();
-    while (true) {
-      if (capture_wanted_ && free_slot() >= 0) capture();
+    while (!end_) {
+      if (capture_wanted_ && free_slot() >= 0) {
+        capture();
+        continue;
+      }
       pollfd polled[] = {
           {stop_.get(), POLLIN, 0}, {stop_fd, POLLIN, 0}, {listener_.get(), POLLIN, 0}, {peer_.get(), POLLIN, 0}};
       if (::poll(polled, 4, static_cast<int>(poll_limit(started).count())) < 0 && errno != EINTR) {
@@ -67,11 +70,11 @@ class Server::Implementation {
       }
       if (polled[0].revents != 0 || polled[1].revents != 0) return ServeEnd::kStopped;
       if (polled[3].revents != 0) hear_peer();
-      if (end_) return *end_;
       if (polled[2].revents != 0) accept_peer();
       if (peer_.valid() && !greeted_ && SteadyClock::now() - connected_ > kGreetingLimit) peer_.reset();
       if (!greeted_ && options_.wait && SteadyClock::now() - started > *options_.wait) return ServeEnd::kNobodyCame;
     }
+    return *end_;
   }
 
   void stop() {
