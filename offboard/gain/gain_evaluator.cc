@@ -64,7 +64,7 @@ void GainEvaluator::cast(const OccupancyMap& map, const GainField& field,
                          std::span<const Eigen::Isometry3d> T_world_cameras, std::span<const std::uint8_t> stale,
                          std::span<RaySums> sums) const {
   const FieldView field_view = field.view();
-  const RayColumns columns{x_.data(), y_.data(), z_.data(), rays_.size()};
+  const RayColumns rays = columns();
   const CastBlock cast_block = cast_block_function(kernel_, field.layout());
   const std::size_t blocks = block_count(), tasks = (blocks + kBlocksPerTask - 1) / kBlocksPerTask;
   run_tasks(tasks * T_world_cameras.size(), options_.threads, [&](std::size_t task) {
@@ -73,7 +73,7 @@ void GainEvaluator::cast(const OccupancyMap& map, const GainField& field,
     const GridWalk walk = walk_of(map, T_world_cameras[view]);
     for (std::size_t block = first; block < std::min(first + kBlocksPerTask, blocks); ++block) {
       const std::size_t i = view * blocks + block;
-      if (stale.empty() || stale[i] != 0) sums[i] = cast_block(field_view, walk, columns, block);
+      if (stale.empty() || stale[i] != 0) sums[i] = cast_block(field_view, walk, rays, block);
     }
   });
 }

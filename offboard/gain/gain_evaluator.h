@@ -25,7 +25,7 @@ class GainEvaluator {
                                  std::span<const Eigen::Isometry3d> T_world_cameras) const;
 
   std::size_t block_count() const { return x_.size() / kRaysPerBlock; }
-  const RayBundle& rays() const { return rays_; }
+  RayColumns columns() const { return {x_.data(), y_.data(), z_.data(), rays_.size()}; }
   const GainOptions& options() const { return options_; }
 
   /// The walk's constants of a view.

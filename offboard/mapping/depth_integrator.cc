@@ -70,6 +70,20 @@ class DepthIntegration {
   IntegrationResult run() {
     map_.next_revision();
     scatter_hits();
+    for_each_group();
+    result_.ok = true;
+    return result_;
+  }
+
+  /// Notes the bricks that run() would look into.
+  void find(std::vector<std::uint8_t>* bricks) {
+    found_ = bricks;
+    scatter_hits();
+    for_each_group();
+  }
+
+ private:
+  void for_each_group() {
     const Eigen::Vector3i bricks = map_.size_bricks();
     constexpr int kGroup = 4;  // bricks a group, each way: the first, coarse test
     Eigen::Vector3i group;
@@ -80,11 +94,8 @@ class DepthIntegration {
         }
       }
     }
-    result_.ok = true;
-    return result_;
   }
 
- private:
   enum class Cover {
     kNothing,   // out of sight or reach
     kFarFree,   // all seen through, the surface farther away than the TSDF's truncation
@@ -119,6 +130,7 @@ class DepthIntegration {
   Eigen::Matrix3f axes_;     // steps of one voxel along x, y, z, camera frame
   Eigen::Matrix3d columns_;  // the same, for positions far from the origin
   Eigen::Vector3d origin_;
+  std::vector<std::uint8_t>* found_ = nullptr;
   Tsdf* tsdf_ = nullptr;
   std::optional<TsdfIntegrator> tsdf_integrator_;
   float truncation_ = 0;
@@ -214,6 +226,11 @@ void DepthIntegration::integrate_group(const Eigen::Vector3i& first, const Eigen
         const Cover own = cover == Cover::kMixed || cover == Cover::kNearFree
                               ? classify(kEdge * position, Eigen::Vector3i::Constant(kEdge))
                               : cover;
+        if (found_ != nullptr) {
+          const std::size_t index = map_.brick_index(position);
+          if (own != Cover::kNothing || hits_of_brick_[index] != 0) (*found_)[index] = 1;
+          continue;
+        }
         integrate_brick(position, own);
         if (tsdf_ == nullptr || own == Cover::kNothing) continue;
         // Far from the surface there is nothing to add but to what stands there already.
@@ -377,6 +394,11 @@ IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* m
     return result;
   }
   return DepthIntegration(depth_map, map, tsdf, scratch, only).run();
+}
+
+void find_bricks_of(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
+                    std::vector<std::uint8_t>* bricks) {
+  DepthIntegration(depth_map, map, nullptr, scratch, nullptr).find(bricks);
 }
 
 IntegrationResult OccupancyMap::integrate(const DepthMap& depth_map, Tsdf* tsdf) {

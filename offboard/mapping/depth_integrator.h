@@ -44,4 +44,9 @@ struct IntegrationScratch {
 IntegrationResult integrate_depth_map(const DepthMap& depth_map, OccupancyMap* map, Tsdf* tsdf,
                                       IntegrationScratch* scratch, const std::vector<std::uint8_t>* only = nullptr);
 
+/// Notes in `bricks` (an element a brick, set to 1) every brick that integrating the depth map, which must be valid,
+/// can change in the map or in a TSDF beside it. Changes nothing else.
+void find_bricks_of(const DepthMap& depth_map, OccupancyMap* map, IntegrationScratch* scratch,
+                    std::vector<std::uint8_t>* bricks);
+
 }  // namespace vantage

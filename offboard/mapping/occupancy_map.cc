@@ -176,6 +176,12 @@ void OccupancyMap::close(std::size_t brick, bool changed) {
   slot.storage = kUniform;
 }
 
+void OccupancyMap::reset(std::size_t brick) {
+  Slot& slot = slots_[brick];
+  if (slot.storage != kUniform) unused_.push_back(slot.storage);
+  slot = Slot{.storage = kUniform, .revision = revision_, .level = kUnobservedLevel};
+}
+
 bool OccupancyMap::set_log_odds(const Eigen::Vector3i& voxel, float log_odds) {
   Level level = kUnobservedLevel;
   if (!std::isfinite(log_odds) || !levels_.find_or_add(log_odds, &level)) return false;

@@ -144,6 +144,8 @@ class OccupancyMap {
   Brick& open(std::size_t brick);
   /// Gives the storage back when the brick's voxels are all alike. `changed`: note the brick in `changed_since`.
   void close(std::size_t brick, bool changed);
+  /// Makes the brick's voxels unobserved and takes their marks.
+  void reset(std::size_t brick);
   /// Counts up; changes closed from now on belong to the new revision. Returns it.
   std::uint32_t next_revision() { return ++revision_; }
   std::uint32_t revision() const { return revision_; }

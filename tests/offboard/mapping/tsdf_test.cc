@@ -63,8 +63,8 @@ TEST(MarchingCubes, EveryCaseOfACellIsPartOfAClosedSurface) {
   std::mt19937 random(seed);
   Tsdf tsdf(Region{{0, 0, 0}, {24, 24, 24}, 0.01});
   for (std::size_t brick = 0; brick < tsdf.brick_count(); ++brick) {
-    const Eigen::Vector3i first = 8 * Eigen::Vector3i(static_cast<int>(brick % 3), static_cast<int>(brick / 3 % 3),
-                                                      static_cast<int>(brick / 9));
+    const Eigen::Vector3i first =
+        8 * Eigen::Vector3i(static_cast<int>(brick % 3), static_cast<int>(brick / 3 % 3), static_cast<int>(brick / 9));
     Tsdf::Brick& voxels = tsdf.allocate(brick);
     for (int i = 0; i < 512; ++i) {
       const Eigen::Vector3i voxel = first + Eigen::Vector3i(i & 7, i >> 3 & 7, i >> 6);
