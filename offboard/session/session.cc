@@ -12,6 +12,7 @@
 #include "lcmtypes/link/message_bus.h"
 #include "offboard/gain/view_gain.h"
 #include "offboard/mapping/octomap_io.h"
+#include "offboard/session/view_page.h"
 
 namespace vantage {
 namespace {
@@ -121,9 +122,7 @@ bool Session::take(const depth_map_t& message, std::string* why) {
   } else {
     const IntegrationResult integrated = map_.integrate(*depth_map);
     if (!integrated.ok) return *why = integrated.error, false;
-    const Eigen::Vector3d position = depth_map->T_world_camera.translation();
-    if (last_position_) path_m_ += (position - *last_position_).norm();
-    last_position_ = position;
+    if (!cameras_.empty()) path_m_ += (depth_map->T_world_camera.translation() - cameras_.back().translation()).norm();
     step.step = steps_ + 1;
     step.view_id = depth_map->view_id;
     step.path_m = path_m_;
@@ -131,6 +130,7 @@ bool Session::take(const depth_map_t& message, std::string* why) {
   }
   steps_ = step.step;
   log(channel::kDepthMap, encode_message(message));
+  cameras_.push_back(depth_map->T_world_camera);
   const std::vector<Eigen::Vector3f> added = cloud_.add(*depth_map);
   if (coverage_) coverage_->add(added);
   if (finished()) finish_reason_ = step.reason;
@@ -183,7 +183,9 @@ void Session::report(const PlannerStep& step, double seconds) {
 
 void Session::write_results() {
   write_map(folder_.map(), map_);
-  write_ply(folder_.cloud(), {cloud_.points(), {}, {}});
+  const PlyModel cloud{cloud_.points(), cloud_.normals(), {}};
+  write_ply(folder_.cloud(), cloud);
+  write_view_page(folder_.page(), cloud, cameras_, summary());
 }
 
 std::string Session::summary() const {

@@ -46,7 +46,7 @@ class Session {
   /// Adds an accepted message to the log.
   void log(std::string_view channel, std::span<const std::uint8_t> bytes);
 
-  /// Writes map.ot and cloud.ply.
+  /// Writes map.ot, cloud.ply and view.html.
   void write_results();
 
   /// "coverage 0.913 after 12 views" where the truth is known, else what the map holds.
@@ -71,7 +71,7 @@ class Session {
   std::chrono::nanoseconds started_;
   std::int64_t steps_ = 0;
   double path_m_ = 0;
-  std::optional<Eigen::Vector3d> last_position_;
+  std::vector<Eigen::Isometry3d> cameras_;  // of the depth maps taken
   std::string finish_reason_;
 };
 

@@ -26,12 +26,15 @@ class SurfaceCloud {
   std::vector<Eigen::Vector3f> add(const DepthMap& depth_map);
 
   const std::vector<Eigen::Vector3f>& points() const { return points_; }
+  /// Unit normals of the points, on the side that was seen. From the depth map's neighbouring pixels; where those are
+  /// missing, towards the camera.
+  const std::vector<Eigen::Vector3f>& normals() const { return normals_; }
 
  private:
   Region region_;
   SurfaceCloudOptions options_;
   std::unordered_set<std::int64_t> cells_;
-  std::vector<Eigen::Vector3f> points_;
+  std::vector<Eigen::Vector3f> points_, normals_;
 };
 
 }  // namespace vantage

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -51,6 +52,22 @@ TEST(SurfaceCloud, HoldsOnePointACellOnTheWall) {
     EXPECT_LE(point.head<2>().cwiseAbs().maxCoeff(), 0.16F);  // the region's half edge
   }
   EXPECT_TRUE(cloud.add(wall()).empty());  // the same cells again
+}
+
+TEST(SurfaceCloud, NormalsOfASlantedPlaneStandOnIt) {
+  // The plane z = 0.5 + x tan(30 deg), seen from the origin: its normal towards the camera is (sin 30, 0, -cos 30).
+  DepthMap map = wall();
+  map.camera.fx = map.camera.fy = 160;
+  for (int i = 0; i < 40 * 30; ++i) {
+    const double x_over_z = (i % 40 - 19.5) / 160;
+    map.depth_m[static_cast<std::size_t>(i)] = static_cast<float>(0.5 / (1 - x_over_z * std::tan(M_PI / 6)));
+  }
+  map.T_world_camera.linear() = Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  SurfaceCloud cloud(Region::cube({0, 0, 0.5}, 1.28, 0.01), {});
+  cloud.add(map);
+  ASSERT_EQ(cloud.normals().size(), cloud.points().size());
+  const Eigen::Vector3d expected = map.T_world_camera.linear() * Eigen::Vector3d(0.5, 0, -std::sqrt(0.75));
+  for (const Eigen::Vector3f& normal : cloud.normals()) EXPECT_LT((normal.cast<double>() - expected).norm(), 0.02);
 }
 
 TEST(SurfaceCloud, LeavesOutWhatIsUncertainFarOrNoSurface) {
