@@ -7,9 +7,9 @@
 
 namespace vantage {
 
-Planner::Planner(OccupancyMap& map, std::vector<CandidateView> candidates, GainFunction gain,
+Planner::Planner(Volume& volume, std::vector<CandidateView> candidates, GainFunction gain,
                  const PlannerOptions& options)
-    : map_(map), open_(std::move(candidates)), gain_(std::move(gain)), options_(options) {
+    : volume_(volume), open_(std::move(candidates)), gain_(std::move(gain)), options_(options) {
   const auto first = std::find_if(open_.begin(), open_.end(),
                                   [&](const CandidateView& view) { return view.id == options_.first_view; });
   if (first == open_.end()) {
@@ -24,7 +24,7 @@ std::optional<PlannerStep> Planner::take(const DepthMap& depth_map, std::string*
     *why = "the run is over";
     return std::nullopt;
   }
-  const IntegrationResult integrated = map_.integrate(depth_map);
+  const IntegrationResult integrated = volume_.integrate(depth_map);
   if (!integrated.ok) {
     *why = integrated.error;
     return std::nullopt;
@@ -64,7 +64,7 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
   }
   std::vector<Eigen::Isometry3d> poses;
   for (const CandidateView& view : open_) poses.push_back(view.T_world_camera);
-  const std::vector<double> gains = gain_(map_, depth_map.camera, poses);
+  const std::vector<double> gains = gain_(volume_.map(), depth_map.camera, poses);
   for (std::size_t i = 0; i < open_.size(); ++i) {
     const double cost = (open_[i].T_world_camera.translation() - last_position_).norm();
     step->scores.push_back({open_[i].id, gains[i], cost, 0});

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "lcmtypes/link/depth_map.h"
-#include "offboard/mapping/occupancy_map.h"
 #include "offboard/planning/utility.h"
 #include "offboard/planning/view_space.h"
+#include "offboard/planning/volume.h"
 
 namespace vantage {
 
@@ -46,8 +46,8 @@ enum class PlannerState {
 /// Visited views leave the candidate set. Movement cost is the distance between camera positions (Eq. 16).
 class Planner {
  public:
-  /// `map` must outlive it. \throws InputError when there is no candidate `options.first_view`.
-  Planner(OccupancyMap& map, std::vector<CandidateView> candidates, GainFunction gain, const PlannerOptions& options);
+  /// `volume` must outlive it. \throws InputError when there is no candidate `options.first_view`.
+  Planner(Volume& volume, std::vector<CandidateView> candidates, GainFunction gain, const PlannerOptions& options);
 
   PlannerState state() const { return state_; }
   /// The view that is to be taken now; nothing when finished.
@@ -60,7 +60,7 @@ class Planner {
  private:
   void decide(const DepthMap& depth_map, PlannerStep* step);
 
-  OccupancyMap& map_;
+  Volume& volume_;
   std::vector<CandidateView> open_;  // not visited yet, by id
   GainFunction gain_;
   PlannerOptions options_;

@@ -65,12 +65,12 @@ Session::Session(const SessionConfig& inputs, const std::filesystem::path& folde
     : clock_(clock),
       terminal_(terminal),
       config_(inputs),
-      map_(inputs.region, inputs.sensor),
+      volume_(inputs.region, inputs.sensor),
       cloud_(inputs.region, inputs.cloud),
       started_(clock.monotonic()) {
   // Whatever can be wrong with the inputs is found before the folder is touched.
   if (config_.planning) {
-    planner_ = std::make_unique<Planner>(map_, candidates_of(*config_.planning), gain_function(*config_.planning),
+    planner_ = std::make_unique<Planner>(volume_, candidates_of(*config_.planning), gain_function(*config_.planning),
                                          config_.planning->planner);
   }
   if (!config_.truth.empty()) coverage_.emplace(read_truth(config_.truth), config_.coverage_distance_m);
@@ -120,7 +120,7 @@ bool Session::take(const depth_map_t& message, std::string* why) {
     if (!taken) return false;
     step = std::move(*taken);
   } else {
-    const IntegrationResult integrated = map_.integrate(*depth_map);
+    const IntegrationResult integrated = volume_.integrate(*depth_map);
     if (!integrated.ok) return *why = integrated.error, false;
     if (!cameras_.empty()) path_m_ += (depth_map->T_world_camera.translation() - cameras_.back().translation()).norm();
     step.step = steps_ + 1;
@@ -140,9 +140,9 @@ bool Session::take(const depth_map_t& message, std::string* why) {
 }
 
 void Session::write_step(const PlannerStep& step) {
-  const VoxelCounts counts = map_.counts();
+  const VoxelCounts counts = map().counts();
   steps_file_ << fmt::format("{},{},{},{},{},{},{},{},{},", step.step, step.view_id, step.path_m, counts.occupied,
-                             counts.free, counts.uncertain, counts.unobserved, map_.entropy_nats(),
+                             counts.free, counts.uncertain, counts.unobserved, map().entropy_nats(),
                              coverage_ ? fmt::format("{}", coverage_->share()) : "");
   for (const ScoredView& view : step.scores) {
     scores_file_ << fmt::format("{},{},{},{},{}\n", step.step, view.view_id, view.gain, view.cost, view.utility);
@@ -167,7 +167,7 @@ void Session::report(const PlannerStep& step, double seconds) {
   } else {
     line = fmt::format("depth map {}", step.step);
   }
-  line += fmt::format(", path {:.2f} m, entropy {:.0f} nats", step.path_m, map_.entropy_nats());
+  line += fmt::format(", path {:.2f} m, entropy {:.0f} nats", step.path_m, map().entropy_nats());
   if (coverage_) line += fmt::format(", coverage {:.3f}", coverage_->share());
   if (planner_) {
     if (step.next) {
@@ -182,7 +182,8 @@ void Session::report(const PlannerStep& step, double seconds) {
 }
 
 void Session::write_results() {
-  write_map(folder_.map(), map_);
+  write_map(folder_.map(), map());
+  write_ply(folder_.mesh(), extract_mesh(volume_.tsdf()));
   const PlyModel cloud{cloud_.points(), cloud_.normals(), {}};
   write_ply(folder_.cloud(), cloud);
   write_view_page(folder_.page(), cloud, cameras_, summary());
@@ -191,7 +192,7 @@ void Session::write_results() {
 std::string Session::summary() const {
   const char* unit = planner_ ? "views" : "depth maps";
   if (coverage_) return fmt::format("coverage {:.3f} after {} {}", coverage_->share(), steps_, unit);
-  return fmt::format("{} occupied voxels after {} {}", map_.counts().occupied, steps_, unit);
+  return fmt::format("{} occupied voxels after {} {}", map().counts().occupied, steps_, unit);
 }
 
 }  // namespace vantage

@@ -46,12 +46,12 @@ class Session {
   /// Adds an accepted message to the log.
   void log(std::string_view channel, std::span<const std::uint8_t> bytes);
 
-  /// Writes map.ot, cloud.ply and view.html.
+  /// Writes map.ot, mesh.ply, cloud.ply and view.html.
   void write_results();
 
   /// "coverage 0.913 after 12 views" where the truth is known, else what the map holds.
   std::string summary() const;
-  const OccupancyMap& map() const { return map_; }
+  const OccupancyMap& map() const { return volume_.map(); }
   std::int64_t steps() const { return steps_; }
 
  private:
@@ -61,7 +61,7 @@ class Session {
   const Clock& clock_;
   std::ostream& terminal_;
   SessionConfig config_;
-  OccupancyMap map_;
+  Volume volume_;
   SurfaceCloud cloud_;
   std::optional<SurfaceCoverage> coverage_;
   std::unique_ptr<Planner> planner_;

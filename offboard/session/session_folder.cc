@@ -14,8 +14,9 @@ SessionFolder make_session_folder(const std::filesystem::path& path, bool overwr
   }
   std::filesystem::create_directories(path, error);
   if (error) throw InputError(path.string() + ": can't be made: " + error.message());
-  for (const auto& file : {folder.config(), folder.log(), folder.steps(), folder.scores(), folder.timing(),
-                           folder.map(), folder.cloud(), folder.page(), folder.truth(), folder.views()}) {
+  for (const auto& file :
+       {folder.config(), folder.log(), folder.steps(), folder.scores(), folder.timing(), folder.map(), folder.mesh(),
+        folder.cloud(), folder.page(), folder.truth(), folder.views()}) {
     std::filesystem::remove(file, error);
     if (error) throw InputError(file.string() + ": can't be removed: " + error.message());
   }

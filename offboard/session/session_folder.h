@@ -14,7 +14,8 @@ struct SessionFolder {
   std::filesystem::path scores() const { return path / "scores.csv"; }  ///< one line a candidate and step
   std::filesystem::path timing() const { return path / "timing.csv"; }  ///< how long each step took here
   std::filesystem::path map() const { return path / "map.ot"; }
-  std::filesystem::path cloud() const { return path / "cloud.ply"; }
+  std::filesystem::path mesh() const { return path / "mesh.ply"; }    ///< marching cubes on the signed distance
+  std::filesystem::path cloud() const { return path / "cloud.ply"; }  ///< reconstructed points with normals
   std::filesystem::path page() const { return path / "view.html"; }   ///< the cloud and the cameras, for a browser
   std::filesystem::path truth() const { return path / "truth.ply"; }  ///< copy of the true surface, where given
   std::filesystem::path views() const { return path / "views.txt"; }  ///< copy of the candidate file, where given

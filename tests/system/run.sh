@@ -101,11 +101,11 @@ test_reconstruction() {
   last=$(tail -n 1 "$scratch/out.log")
   [[ $last =~ ^coverage\ (0\.[0-9]{3})\ after\ 12\ views$ ]] || fail "last line is \"$last\""
   awk -v c="${BASH_REMATCH[1]}" 'BEGIN { exit !(c >= 0.85) }' || fail "$last: less than 0.85"
-  for file in log.lcm steps.csv scores.csv map.ot cloud.ply config.yaml; do
+  for file in log.lcm steps.csv scores.csv map.ot mesh.ply cloud.ply view.html config.yaml; do
     [[ -s $scratch/$file ]] || fail "$file is missing"
   done
   expect_status 0 "$bin/vantage-offboard" --replay "$scratch/log.lcm" --speed 0 --session "$scratch/again"
-  for file in steps.csv scores.csv map.ot cloud.ply; do
+  for file in steps.csv scores.csv map.ot mesh.ply cloud.ply view.html; do
     cmp "$scratch/$file" "$scratch/again/$file" || fail "the replay's $file differs"
   done
   [[ $(tail -n 1 "$scratch/out.log") == "$last" ]] || fail "the replay ends with another line"

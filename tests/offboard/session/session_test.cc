@@ -90,7 +90,8 @@ TEST_F(SessionTest, AReplayGivesTheSameFilesToTheByte) {
   Session again(*contents.config, folder_ / "again", false, clock_, terminal_);
   replay_log(folder_ / "live" / "log.lcm", 0, never_, again);
   again.write_results();
-  for (const char* file : {"config.yaml", "steps.csv", "scores.csv", "map.ot", "cloud.ply", "truth.ply", "views.txt"}) {
+  for (const char* file : {"config.yaml", "steps.csv", "scores.csv", "map.ot", "mesh.ply", "cloud.ply", "view.html",
+                           "truth.ply", "views.txt"}) {
     EXPECT_EQ(text_of(folder_ / "live" / file), text_of(folder_ / "again" / file)) << file;
     EXPECT_FALSE(text_of(folder_ / "live" / file).empty()) << file;
   }
