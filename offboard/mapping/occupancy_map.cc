@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 
 namespace vantage {
@@ -41,8 +42,8 @@ OccupancyMap::OccupancyMap(const Region& region, const SensorModel& model)
 
 void OccupancyMap::clear() {
   const std::uint32_t revision = next_revision();
-  storage_.clear();
-  unused_.clear();
+  unused_.resize(storage_.size());  // the storage stays: what fills it next is of the same size
+  std::iota(unused_.begin(), unused_.end(), 0U);
   levels_ = LogOddsLevels(model_);
   slots_.assign(slots_.size(), Slot{.revision = revision});
   has_marks_ = false;

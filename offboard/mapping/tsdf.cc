@@ -1,5 +1,6 @@
 #include "offboard/mapping/tsdf.h"
 
+#include <numeric>
 #include <stdexcept>
 
 namespace vantage {
@@ -62,8 +63,8 @@ void Tsdf::clear(std::size_t brick) {
 
 void Tsdf::clear() {
   slots_.assign(slots_.size(), kNone);
-  storage_.clear();
-  unused_.clear();
+  unused_.resize(storage_.size());
+  std::iota(unused_.begin(), unused_.end(), 0U);
 }
 
 std::size_t Tsdf::memory_bytes() const {

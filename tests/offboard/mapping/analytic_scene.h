@@ -25,21 +25,21 @@ inline Eigen::Isometry3d look_at(const Eigen::Vector3d& eye, const Eigen::Vector
   return pose;
 }
 
-/// A sphere and a box on a square ground, whose depth every pixel can be told exactly.
+/// A sphere and a box on a square ground within four walls, whose depth every pixel can be told exactly.
 struct AnalyticScene {
   Eigen::Vector3d sphere_center{-0.12, 0.03, 0.18};
   double sphere_radius = 0.14;
   Eigen::Vector3d box_min{0.1, -0.12, 0.0}, box_max{0.26, 0.1, 0.22};
   double ground_z = 0;
-  double ground_half_width = 2.0;
+  double half_width = 1.5;  ///< of the room: ground and walls
 
   /// Distance along the ray, in lengths of `direction`, to the first surface; infinity: none.
   double first_hit(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
     double first = std::numeric_limits<double>::infinity();
-    if (direction.z() < 0) {
-      const double t = (ground_z - origin.z()) / direction.z();
-      const Eigen::Vector3d at = origin + t * direction;
-      if (t > 0 && std::max(std::abs(at.x()), std::abs(at.y())) < ground_half_width) first = t;
+    if (direction.z() < 0) first = (ground_z - origin.z()) / direction.z();
+    for (int axis = 0; axis < 2; ++axis) {
+      if (direction[axis] == 0) continue;
+      first = std::min(first, ((direction[axis] > 0 ? half_width : -half_width) - origin[axis]) / direction[axis]);
     }
     const Eigen::Vector3d to_center = origin - sphere_center;
     const double a = direction.squaredNorm(), b = direction.dot(to_center);
@@ -55,7 +55,7 @@ struct AnalyticScene {
     return first;
   }
 
-  /// Unsigned distance from a point to the nearest surface of sphere or box or ground.
+  /// Unsigned distance from a point within the room to the nearest surface of sphere, box or ground.
   double distance(const Eigen::Vector3d& point) const {
     const double sphere = std::abs((point - sphere_center).norm() - sphere_radius);
     const Eigen::Array3d q = (point - 0.5 * (box_min + box_max)).array().abs() - 0.5 * (box_max - box_min).array();
