@@ -22,5 +22,6 @@ RaySums cast_flat_portable(const FieldView&, const GridWalk&, const RayColumns&,
 RaySums cast_flat_avx2(const FieldView&, const GridWalk&, const RayColumns&, std::size_t block);
 RaySums cast_flat_avx512(const FieldView&, const GridWalk&, const RayColumns&, std::size_t block);
 RaySums cast_bricks_scalar(const FieldView&, const GridWalk&, const RayColumns&, std::size_t block);
+RaySums cast_bricks_avx512(const FieldView&, const GridWalk&, const RayColumns&, std::size_t block);
 
 }  // namespace vantage

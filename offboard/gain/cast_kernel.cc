@@ -53,7 +53,7 @@ CastKernel best_kernel() { return available_kernels().back(); }
 CastBlock cast_block_function(CastKernel kernel, GainField::Layout layout) {
   const bool flat = layout == GainField::Layout::kFlat;
 #if defined(__x86_64__)
-  if (kernel == CastKernel::kAvx512 && flat) return cast_flat_avx512;
+  if (kernel == CastKernel::kAvx512) return flat ? cast_flat_avx512 : cast_bricks_avx512;
   if (kernel == CastKernel::kAvx2 && flat) return cast_flat_avx2;
 #endif
   if (kernel == CastKernel::kScalar || !flat) return flat ? cast_flat_scalar : cast_bricks_scalar;

@@ -1,0 +1,242 @@
+// Sixteen rays at once through a field of bricks. Compiled for AVX-512 F, BW, DQ and VL.
+//
+// Rays in uniform bricks cross them in one step each; then rays in the others walk voxel by voxel until most have left
+// theirs. Integer times make k steps at once the same as k steps one by one (ray_packet.h).
+
+#include <immintrin.h>
+
+#include "offboard/gain/avx512_columns.h"
+#include "offboard/gain/cast_block.h"
+
+namespace vantage {
+namespace {
+
+/// Sixteen rays in flight, and what they have gathered.
+template <int kPairs>
+class BrickPacket {
+ public:
+  BrickPacket(const FieldView& field, const RayPacket<16>& packet)
+      : field_(field), pass_(field.table->pass.data()), entropy_(field.table->entropy.data()) {
+    alive_ = _mm512_test_epi32_mask(load(packet.hits_region), load(packet.hits_region));
+    for (std::size_t a = 0; a < 3; ++a) {
+      time_[a] = load(packet.time[a]);
+      period_[a] = load(packet.period[a]);
+      inverse_[a] = _mm512_div_ps(_mm512_set1_ps(1), _mm512_cvtepi32_ps(period_[a]));
+      voxel_[a] = load(packet.voxel[a]);
+      forward_[a] = _mm512_cmpgt_epi32_mask(load(packet.direction[a]), _mm512_setzero_si512());
+      // Faces ahead within the brick: 1 + (position in the brick, counted from the far side).
+      flip_[a] = _mm512_maskz_mov_epi32(forward_[a], _mm512_set1_epi32(7));
+      // A step: the code's offset in the upper half; in the lower, one face ahead less, in a field of four bits whose
+      // top bit goes out when the last face is crossed.
+      const int stride = 1 << (3 * a);
+      step_[a] = _mm512_sub_epi32(
+          _mm512_mask_blend_epi32(forward_[a], _mm512_set1_epi32(-(stride << 16)), _mm512_set1_epi32(stride << 16)),
+          _mm512_set1_epi32(1 << (4 * a)));
+    }
+  }
+
+  RaySums run() {
+    while (alive_ != 0) {
+      __m512i word = brick_words();
+      const __m512i entry = _mm512_and_si512(word, _mm512_set1_epi32(kEntryMask));
+      const __mmask16 uniform =
+          _mm512_mask_cmplt_epi32_mask(_mm512_mask_cmplt_epi32_mask(alive_, word, _mm512_setzero_si512()), entry,
+                                       _mm512_set1_epi32(field_.table->stop_begin));
+      if (uniform != 0) cross(uniform, entry);
+      const __mmask16 mixed = static_cast<__mmask16>(alive_ & ~uniform);
+      if (mixed != 0) walk(mixed, word);
+    }
+    RaySums sums;
+    sums.visits = visits_;
+    sums.rear_side_voxels = rear_side_voxels_;
+    sums.ends_occupied = ends_occupied_;
+    sums.ends_occplane = __builtin_popcount(_mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit << 16)));
+    sums.proximity_steps = _mm512_reduce_add_epi32(proximity_);
+    sums.entropy = sum(entropy_sum_);
+    sums.occlusion_aware = sum(occlusion_aware_);
+    sums.unobserved_voxel = sum(unobserved_);
+    sums.rear_side_entropy = sum(rear_side_entropy_);
+    return sums;
+  }
+
+ private:
+  __m512i brick_words() const {
+    __m512i at = _mm512_set1_epi32(field_.first_brick_offset);
+    for (std::size_t a = 0; a < 3; ++a) {
+      at = _mm512_add_epi32(
+          at, _mm512_mullo_epi32(_mm512_srai_epi32(voxel_[a], 3), _mm512_set1_epi32(field_.brick_strides[a])));
+    }
+    return _mm512_mask_i32gather_epi32(_mm512_setzero_si512(), alive_, at, field_.brick_words, 4);
+  }
+
+  /// Which axis' face comes next: x before y before z where two come at once.
+  static void next_axis(const __m512i time[3], __mmask16 go[3]) {
+    const __mmask16 x_after_y = _mm512_cmpgt_epi32_mask(time[0], time[1]);
+    const __mmask16 x_after_z = _mm512_cmpgt_epi32_mask(time[0], time[2]);
+    const __mmask16 y_after_z = _mm512_cmpgt_epi32_mask(time[1], time[2]);
+    go[0] = static_cast<__mmask16>(~(x_after_y | x_after_z));
+    go[1] = static_cast<__mmask16>(x_after_y & ~y_after_z);
+    go[2] = static_cast<__mmask16>(x_after_z & y_after_z);
+  }
+
+  __m512i faces_ahead(std::size_t a) const {  // less one
+    return _mm512_xor_si512(_mm512_and_si512(voxel_[a], _mm512_set1_epi32(7)), flip_[a]);
+  }
+
+  void advance(std::size_t a, __mmask16 lanes, __m512i count) {
+    voxel_[a] = _mm512_mask_add_epi32(voxel_[a], static_cast<__mmask16>(lanes & forward_[a]), voxel_[a], count);
+    voxel_[a] = _mm512_mask_sub_epi32(voxel_[a], static_cast<__mmask16>(lanes & ~forward_[a]), voxel_[a], count);
+  }
+
+  void cross(__mmask16 lanes, __m512i entry);
+  void walk(__mmask16 lanes, __m512i word);
+
+  const FieldView& field_;
+  const Column<kPairs> pass_, entropy_;
+  __m512i time_[3], period_[3], voxel_[3], flip_[3], step_[3];
+  __m512 inverse_[3];
+  __mmask16 forward_[3];
+  __mmask16 alive_, before_unknown_ = 0;
+  __m512 visibility_ = _mm512_set1_ps(1), run_ = _mm512_setzero_ps();
+  __m512 entropy_sum_ = _mm512_setzero_ps(), occlusion_aware_ = _mm512_setzero_ps(), unobserved_ = _mm512_setzero_ps(),
+         rear_side_entropy_ = _mm512_setzero_ps();
+  __m512i proximity_ = _mm512_setzero_si512(), seen_ = _mm512_setzero_si512();
+  std::int64_t visits_ = 0, rear_side_voxels_ = 0, ends_occupied_ = 0;
+};
+
+/// Crosses a uniform brick that does not stop rays.
+template <int kPairs>
+void BrickPacket<kPairs>::cross(__mmask16 lanes, __m512i entry) {
+  const __m512i one = _mm512_set1_epi32(1);
+  __m512i exit[3];
+  for (std::size_t a = 0; a < 3; ++a) {
+    const __m512i ahead = faces_ahead(a);
+    const __m512i at = _mm512_add_epi32(time_[a], _mm512_mullo_epi32(ahead, period_[a]));
+    // A product beyond 2^30 lies past the region; the sum of two numbers below 2^30 is right.
+    const __mmask16 near = _mm512_cmplt_ps_mask(
+        _mm512_mul_ps(_mm512_cvtepi32_ps(ahead), _mm512_cvtepi32_ps(period_[a])), _mm512_set1_ps(1073741824.0F));
+    exit[a] = _mm512_mask_mov_epi32(_mm512_set1_epi32(0x7fffffff), near, at);
+  }
+  __mmask16 out[3];
+  next_axis(exit, out);
+  const __m512i end = _mm512_min_epi32(_mm512_min_epi32(exit[0], exit[1]), exit[2]);
+  // Crossings of axis a up to the exit; at the exit's own time those of axes up to the exit's.
+  const __mmask16 up_to[3] = {0xffff, static_cast<__mmask16>(out[1] | out[2]), out[2]};
+  __m512i visits = _mm512_setzero_si512();
+  for (std::size_t a = 0; a < 3; ++a) {
+    const __m512i last = _mm512_mask_sub_epi32(end, static_cast<__mmask16>(~up_to[a]), end, one);
+    const __m512i left = _mm512_sub_epi32(last, time_[a]);
+    const __mmask16 any = static_cast<__mmask16>(_mm512_cmpge_epi32_mask(left, _mm512_setzero_si512()) & lanes);
+    // The quotient from single precision is right but for one; integers settle it.
+    __m512i quotient = _mm512_cvttps_epi32(_mm512_mul_ps(_mm512_cvtepi32_ps(left), inverse_[a]));
+    const __m512i rest = _mm512_sub_epi32(left, _mm512_mullo_epi32(quotient, period_[a]));
+    quotient = _mm512_mask_sub_epi32(quotient, _mm512_cmplt_epi32_mask(rest, _mm512_setzero_si512()), quotient, one);
+    quotient = _mm512_mask_add_epi32(quotient, _mm512_cmpge_epi32_mask(rest, period_[a]), quotient, one);
+    const __m512i count = _mm512_maskz_add_epi32(any, quotient, one);
+    time_[a] = _mm512_add_epi32(time_[a], _mm512_mullo_epi32(count, period_[a]));
+    advance(a, lanes, count);
+    visits = _mm512_add_epi32(visits, count);
+  }
+  visits_ += _mm512_reduce_add_epi32(visits);
+  // q^k and 1 + q + ... + q^(k-1) for k = visits < 32, by doubling.
+  const __m512 q = pass_.at(entry), entropy = entropy_.at(entry), unit = _mm512_set1_ps(1);
+  __m512 power = unit, series = _mm512_setzero_ps(), base_power = q, base_series = unit;
+  for (int bit = 1; bit < 32; bit <<= 1) {
+    const __mmask16 set = _mm512_test_epi32_mask(visits, _mm512_set1_epi32(bit));
+    series = _mm512_mask_add_ps(series, set, series, _mm512_mul_ps(power, base_series));
+    power = _mm512_mask_mul_ps(power, set, power, base_power);
+    base_series = _mm512_mul_ps(base_series, _mm512_add_ps(unit, base_power));
+    base_power = _mm512_mul_ps(base_power, base_power);
+  }
+  const __m512 visible = _mm512_mul_ps(_mm512_mul_ps(visibility_, entropy), series);
+  const __mmask16 unknown = _mm512_mask_cmplt_epi32_mask(lanes, entry, _mm512_set1_epi32(field_.table->unknown_end));
+  entropy_sum_ =
+      _mm512_mask_add_ps(entropy_sum_, lanes, entropy_sum_, _mm512_mul_ps(entropy, _mm512_cvtepi32_ps(visits)));
+  occlusion_aware_ = _mm512_mask_add_ps(occlusion_aware_, lanes, occlusion_aware_, visible);
+  unobserved_ = _mm512_mask_add_ps(unobserved_, unknown, unobserved_, visible);
+  visibility_ = _mm512_mask_mul_ps(visibility_, lanes, visibility_, power);
+  run_ = _mm512_mask_mov_ps(run_, lanes, _mm512_maskz_add_ps(unknown, run_, visible));
+  before_unknown_ = static_cast<__mmask16>((before_unknown_ & ~lanes) | unknown);
+}
+
+/// Walks the rays of `lanes`, whose bricks are not uniform (or stop rays), until most have left their brick or ended.
+template <int kPairs>
+void BrickPacket<kPairs>::walk(__mmask16 lanes, __m512i word) {
+  const VisitTable& table = *field_.table;
+  const char* codes = reinterpret_cast<const char*>(field_.brick_codes) - 2;  // the code is the upper half of 32 bits
+  const __m512i unknown_end = _mm512_set1_epi32(table.unknown_end), stop_begin = _mm512_set1_epi32(table.stop_begin);
+  const __m512i sentinel = _mm512_set1_epi32(table.sentinel()), entry_mask = _mm512_set1_epi32(kEntryMask);
+  const __m512i guards = _mm512_set1_epi32(0x888), zero = _mm512_setzero_si512();
+  const __m512i parked = _mm512_set1_epi32(table.parked() << 16);
+
+  // A uniform brick that stops rays ends them here and now.
+  const __mmask16 wall = _mm512_mask_cmplt_epi32_mask(lanes, word, zero);
+  const __m512i base = _mm512_slli_epi32(word, 9);
+  __m512i state = guards;  // see step_
+  __m512i ahead_before[3];
+  for (std::size_t a = 0; a < 3; ++a) {
+    ahead_before[a] = faces_ahead(a);
+    state = _mm512_add_epi32(state, _mm512_slli_epi32(ahead_before[a], static_cast<unsigned>(4 * a)));
+    state = _mm512_add_epi32(
+        state, _mm512_slli_epi32(_mm512_and_si512(voxel_[a], _mm512_set1_epi32(7)), static_cast<unsigned>(16 + 3 * a)));
+  }
+  __mmask16 walking = lanes;
+  const int enough = __builtin_popcount(lanes) / 2;
+  do {
+    const __m512i at = _mm512_add_epi32(base, _mm512_srli_epi32(state, 16));
+    __m512i code = _mm512_mask_i32gather_epi32(parked, static_cast<__mmask16>(walking & ~wall), at, codes, 2);
+    code = _mm512_mask_mov_epi32(code, wall, _mm512_slli_epi32(word, 16));
+    code = _mm512_mask_mov_epi32(parked, walking, code);
+    const __m512i entry = _mm512_and_si512(_mm512_srli_epi32(code, 16), entry_mask);
+    const __m512 pass = pass_.at(entry), voxel_entropy = entropy_.at(entry);
+    const __mmask16 unknown = _mm512_cmplt_epi32_mask(entry, unknown_end);
+    const __mmask16 stop = _mm512_cmpge_epi32_mask(entry, stop_begin);
+    const __m512 visible = _mm512_mul_ps(visibility_, voxel_entropy);
+    entropy_sum_ = _mm512_add_ps(entropy_sum_, voxel_entropy);
+    occlusion_aware_ = _mm512_add_ps(occlusion_aware_, visible);
+    unobserved_ = _mm512_mask_add_ps(unobserved_, unknown, unobserved_, visible);
+    visibility_ = _mm512_mul_ps(visibility_, pass);
+    visits_ += __builtin_popcount(walking);
+    if (stop != 0) {
+      const __mmask16 left = _mm512_mask_cmpeq_epi32_mask(stop, entry, sentinel);
+      const __mmask16 occupied = static_cast<__mmask16>(stop & ~left);
+      const __mmask16 occplane = _mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit << 16));
+      visits_ -= __builtin_popcount(left);
+      rear_side_voxels_ += __builtin_popcount(occupied & before_unknown_);
+      ends_occupied_ += __builtin_popcount(occupied & ~static_cast<unsigned>(occplane));
+      rear_side_entropy_ = _mm512_mask_add_ps(rear_side_entropy_, occupied, rear_side_entropy_, run_);
+      alive_ = static_cast<__mmask16>(alive_ & ~stop);
+    }
+    run_ = _mm512_mask_mov_ps(run_, walking, _mm512_maskz_add_ps(unknown, run_, visible));
+    before_unknown_ = static_cast<__mmask16>((before_unknown_ & ~walking) | unknown);
+    seen_ = _mm512_or_si512(seen_, code);
+    proximity_ = _mm512_add_epi32(proximity_, _mm512_srli_epi32(code, 24));
+    walking = static_cast<__mmask16>(walking & ~stop);
+    __mmask16 go[3];
+    next_axis(time_, go);
+    for (std::size_t a = 0; a < 3; ++a) {
+      const __mmask16 goes = static_cast<__mmask16>(go[a] & walking);
+      time_[a] = _mm512_mask_add_epi32(time_[a], goes, time_[a], period_[a]);
+      state = _mm512_mask_add_epi32(state, goes, state, step_[a]);
+    }
+    walking = _mm512_mask_cmpeq_epi32_mask(walking, _mm512_and_si512(state, guards), guards);
+  } while (__builtin_popcount(walking) > enough);
+  for (std::size_t a = 0; a < 3; ++a) {
+    // Faces crossed: the field's loss, modulo 16 (it may have borrowed nothing from above: its guard stood).
+    const __m512i field =
+        _mm512_and_si512(_mm512_srli_epi32(state, static_cast<unsigned>(4 * a)), _mm512_set1_epi32(15));
+    advance(a, lanes, _mm512_sub_epi32(_mm512_add_epi32(ahead_before[a], _mm512_set1_epi32(8)), field));
+  }
+}
+
+}  // namespace
+
+RaySums cast_bricks_avx512(const FieldView& field, const GridWalk& walk, const RayColumns& rays, std::size_t block) {
+  RayPacket<kRaysPerBlock> packet;
+  prepare_packet(walk, rays, block * kRaysPerBlock, &packet);
+  if (field.table->size <= 32) return BrickPacket<1>(field, packet).run();
+  if (field.table->size <= 64) return BrickPacket<2>(field, packet).run();
+  return BrickPacket<4>(field, packet).run();
+}
+
+}  // namespace vantage
