@@ -152,7 +152,7 @@ int main(int argc, char** argv) {
   app.add_flag("--overwrite", arguments.overwrite, "replace the session that the folder holds");
   app.add_option("--config", arguments.config, "configuration file (docs/offboard.md)");
   app.add_option("--views", arguments.views, "candidate views, lines of x y z qx qy qz qw (default: the paper's 48)");
-  app.add_option("--gain", arguments.gain, "information gain: rear_side_entropy, occlusion_aware, ...");
+  app.add_option("--gain", arguments.gain, "information gain: combined, rear_side_entropy, occlusion_aware, ...");
   app.add_option("--first-view", arguments.first_view, "id of the first view");
   app.add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);
   app.add_option("--gain-threshold", arguments.gain_threshold, "stop when no view gains as much (Eq. 13)");

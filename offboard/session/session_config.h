@@ -15,7 +15,7 @@ namespace vantage {
 /// How views are chosen.
 struct PlanningConfig {
   std::filesystem::path views;  ///< candidate file; empty: the paper's 48 views on cylinder and half-sphere
-  Formulation gain = Formulation::kRearSideEntropy;
+  Formulation gain = Formulation::kCombined;  ///< with the paper's weights for simulation
   int ray_columns = 80, ray_rows = 60;
   PlannerOptions planner;
 };
