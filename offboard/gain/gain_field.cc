@@ -179,6 +179,9 @@ void GainField::encode_all(const OccupancyMap& map) {
     brick_strides_ = {1, bricks.x() + 2, (bricks.x() + 2) * (bricks.y() + 2)};
     words_.assign(flat_size(bricks), FieldView::kUniformBrick | sentinel);
     codes_.assign(kFrontPad, sentinel);
+    std::size_t dense = 0;
+    for (std::size_t brick = 0; brick < map.brick_count(); ++brick) dense += map.dense(brick) != nullptr;
+    codes_.reserve(kFrontPad + (dense + dense / 8) * kVoxels);
     unused_.clear();
   }
   for (std::size_t brick = 0; brick < map.brick_count(); ++brick) encode_brick(map, brick);

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "offboard/gain/large_pages.h"
 #include "offboard/gain/visit_code.h"
 #include "offboard/mapping/occupancy_map.h"
 
@@ -66,10 +67,10 @@ class GainField {
   std::vector<std::uint8_t> is_free_;  // by level
   std::size_t levels_encoded_ = 0;
   VisitTable table_;
-  std::vector<VisitCode> codes_;
+  std::vector<VisitCode, LargePageAllocator<VisitCode>> codes_;
   std::array<std::int32_t, 3> strides_{}, brick_strides_{};
   std::int32_t parked_offset_ = 0;
-  std::vector<std::uint32_t> words_;
+  std::vector<std::uint32_t, LargePageAllocator<std::uint32_t>> words_;
   std::vector<std::uint32_t> unused_;  // blocks of 512 codes given back
 };
 
