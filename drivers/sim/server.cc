@@ -228,7 +228,9 @@ class Server::Implementation {
 
   template <typename Message>
   void answer(const Message& message, int attached = -1) {
-    if (!send_message(peer_.get(), message, attached)) lose_peer();
+    if (send_message(peer_.get(), message, attached)) return;
+    // Of a client that has gone, there may be last words to read, such as a goodbye: then comes the connection's end.
+    if (errno != EPIPE && errno != ECONNRESET) lose_peer();
   }
 
   void refuse(int socket, const std::string& reason) {

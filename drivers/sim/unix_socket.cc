@@ -121,9 +121,11 @@ ReceiveStatus receive_datagram(int socket, std::span<std::byte> buffer, std::siz
   message.msg_control = &control;
   message.msg_controllen = sizeof control;
   ssize_t received = -1;
+  bool reset = false;
   do {
     received = ::recvmsg(socket, &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
-  } while (received < 0 && errno == EINTR);
+    // A peer that closed before it had read all is reported once, ahead of what it said before: its last words follow.
+  } while (received < 0 && (errno == EINTR || (errno == ECONNRESET && !std::exchange(reset, true))));
   if (received < 0) return errno == EAGAIN ? ReceiveStatus::kNothingYet : ReceiveStatus::kClosed;
   for (cmsghdr* header = CMSG_FIRSTHDR(&message); header != nullptr; header = CMSG_NXTHDR(&message, header)) {
     if (header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS) continue;

@@ -34,7 +34,7 @@ FileDescriptor listen_at(const std::filesystem::path& path);
 FileDescriptor connect_to(const std::filesystem::path& path);
 
 /// Sends one datagram, with a descriptor beside it unless `attached` is negative. Never blocks, never raises SIGPIPE.
-/// False when the peer is gone or does not read.
+/// False, with errno set, when the peer is gone (EPIPE, ECONNRESET) or does not read (EAGAIN).
 bool send_datagram(int socket, std::span<const std::byte> datagram, int attached = -1);
 
 template <typename Message>

@@ -23,6 +23,20 @@ TEST(Server, EndsWellAfterAGoodbyeAndRemovesItsSocket) {
   EXPECT_FALSE(std::filesystem::exists(serving.path()));
 }
 
+TEST(Server, HearsTheGoodbyeOfAClientThatLeavesAnswersUnread) {
+  for (int repetition = 0; repetition < 20; ++repetition) {
+    Serving serving;
+    RawPeer client(serving.path());
+    ASSERT_TRUE(client.greet());
+    client.say(make_message<Capture>());
+    // Now before the answer is sent, now after.
+    std::this_thread::sleep_for(std::chrono::milliseconds(repetition));
+    client.say(make_message<Goodbye>());
+    client.close();
+    ASSERT_EQ(serving.join(), ServeEnd::kGoodbye) << repetition;
+  }
+}
+
 TEST(Server, NoticesThatItsClientVanished) {
   Serving serving;
   RawPeer client(serving.path());

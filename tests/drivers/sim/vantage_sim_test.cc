@@ -120,7 +120,7 @@ TEST(VantageSim, AKilledClientEndsItWithPeerLost) {
   ::waitpid(client, nullptr, 0);
   const auto killed = steady_clock::now();
   EXPECT_EQ(program.wait(), 3);
-  EXPECT_LT(steady_clock::now() - killed, seconds(1));
+  EXPECT_LT(steady_clock::now() - killed, seconds(5));
   EXPECT_EQ(program.err(), "vantage-sim: the client has gone without a goodbye\n");
   EXPECT_FALSE(std::filesystem::exists(program / "sim"));
 }
