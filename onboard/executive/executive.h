@@ -11,9 +11,9 @@
 #include <Eigen/Geometry>
 
 #include "drivers/camera/frame_source.h"
+#include "drivers/camera/stereo_depth.h"
 #include "drivers/robot/camera_carrier.h"
 #include "lcmtypes/link/depth_map.h"
-#include "onboard/depth/stereo_depth.h"
 #include "onboard/executive/free_flight.h"
 
 namespace vantage {

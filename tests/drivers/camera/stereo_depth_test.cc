@@ -1,5 +1,5 @@
 // The simulator's exact depth is the oracle: it comes from ray casting, not from the images.
-#include "onboard/depth/stereo_depth.h"
+#include "drivers/camera/stereo_depth.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "onboard/depth/stereo_depth.h"
+#include "drivers/camera/stereo_depth.h"
 
 #include <cmath>
 #include <stdexcept>
