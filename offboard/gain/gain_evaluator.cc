@@ -1,30 +1,16 @@
 #include "offboard/gain/gain_evaluator.h"
 
 #include <algorithm>
-#include <atomic>
 #include <stdexcept>
-#include <thread>
 
 #include "lcmtypes/link/depth_map.h"
+#include "offboard/gain/parallel_tasks.h"
 #include "offboard/gain/reference_gain.h"
-#include "offboard/mapping/ray_walk.h"
 
 namespace vantage {
 namespace {
 
 constexpr std::size_t kBlocksPerTask = 32;
-
-/// Runs task(0) ... task(count - 1), each once, on so many threads. Tasks write to places of their own.
-template <typename Task>
-void run_tasks(std::size_t count, int threads, Task&& task) {
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < count; i = next++) task(i);
-  };
-  std::vector<std::jthread> others;
-  for (int i = 1; i < threads && static_cast<std::size_t>(i) < count; ++i) others.emplace_back(work);
-  work();
-}
 
 const GainOptions& checked(const GainOptions& options) {
   std::string why;
@@ -95,7 +81,7 @@ ViewGain GainEvaluator::gain_of_blocks(const OccupancyMap& map, const Eigen::Iso
 
 std::vector<ViewGain> GainEvaluator::evaluate(const OccupancyMap& map,
                                               std::span<const Eigen::Isometry3d> T_world_cameras) const {
-  return evaluate(map, GainField(map), T_world_cameras);
+  return evaluate(map, GainField(map, options_.threads), T_world_cameras);
 }
 
 std::vector<ViewGain> GainEvaluator::evaluate(const OccupancyMap& map, const GainField& field,

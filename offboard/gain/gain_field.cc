@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "offboard/gain/parallel_tasks.h"
+
 namespace vantage {
 namespace {
 
@@ -111,12 +113,14 @@ class FreeVoxels {
 
 }  // namespace
 
-GainField::GainField(const OccupancyMap& map)
-    : GainField(map, flat_size(map.region().size_voxels) <= kMaxFlatVoxels ? Layout::kFlat : Layout::kBricks) {}
+GainField::GainField(const OccupancyMap& map, int threads)
+    : GainField(map, flat_size(map.region().size_voxels) <= kMaxFlatVoxels ? Layout::kFlat : Layout::kBricks, threads) {
+}
 
-GainField::GainField(const OccupancyMap& map, Layout layout) : layout_(layout), size_(map.region().size_voxels) {
+GainField::GainField(const OccupancyMap& map, Layout layout, int threads)
+    : layout_(layout), size_(map.region().size_voxels) {
   fits_ = encode_levels(map);
-  if (fits_) encode_all(map);
+  if (fits_) encode_all(map, threads);
 }
 
 /// Gives every level of the map an entry of the table. False when there are too many.
@@ -165,7 +169,7 @@ bool GainField::encode_levels(const OccupancyMap& map) {
   return true;
 }
 
-void GainField::encode_all(const OccupancyMap& map) {
+void GainField::encode_all(const OccupancyMap& map, int threads) {
   revision_ = map.revision();
   const auto sentinel = static_cast<VisitCode>(table_.sentinel());
   if (layout_ == Layout::kFlat) {
@@ -184,7 +188,14 @@ void GainField::encode_all(const OccupancyMap& map) {
     codes_.reserve(kFrontPad + (dense + dense / 8) * kVoxels);
     unused_.clear();
   }
-  for (std::size_t brick = 0; brick < map.brick_count(); ++brick) encode_brick(map, brick);
+  // In the flat layout bricks have places of their own; in the other each new one moves the end of the codes.
+  constexpr std::size_t kBricksPerTask = 64;
+  const std::size_t count = map.brick_count();
+  run_tasks((count + kBricksPerTask - 1) / kBricksPerTask, layout_ == Layout::kFlat ? threads : 1,
+            [&](std::size_t task) {
+              const std::size_t end = std::min(count, (task + 1) * kBricksPerTask);
+              for (std::size_t brick = task * kBricksPerTask; brick < end; ++brick) encode_brick(map, brick);
+            });
 }
 
 void GainField::update(const OccupancyMap& map, std::vector<std::size_t>* changed) {
@@ -205,7 +216,7 @@ void GainField::update(const OccupancyMap& map, std::vector<std::size_t>* change
   }
   if (map.levels().size() != levels_encoded_ || !fits_) {
     fits_ = encode_levels(map);
-    if (fits_) encode_all(map);
+    if (fits_) encode_all(map, 1);
     if (changed != nullptr) {
       for (std::size_t brick = 0; brick < stale.size(); ++brick) {
         if (stale[brick] != 0) changed->push_back(brick);

@@ -26,10 +26,10 @@ class GainField {
   static constexpr std::size_t kMaxFlatVoxels = std::size_t{224} * 224 * 224;
   enum class Layout { kFlat, kBricks };
 
-  /// Encodes the map. `fits()` tells whether it could be.
-  explicit GainField(const OccupancyMap& map);
+  /// Encodes the map, on so many threads. `fits()` tells whether it could be.
+  explicit GainField(const OccupancyMap& map, int threads = 1);
   /// The same in a chosen layout.
-  GainField(const OccupancyMap& map, Layout layout);
+  GainField(const OccupancyMap& map, Layout layout, int threads = 1);
 
   /// Encodes again what changed in the map since the last time, and appends to `changed`, when given, the bricks of
   /// which a code changed. `map` must be the one the field was made of, or a copy of it.
@@ -49,7 +49,7 @@ class GainField {
 
  private:
   bool encode_levels(const OccupancyMap& map);
-  void encode_all(const OccupancyMap& map);
+  void encode_all(const OccupancyMap& map, int threads);
   bool encode_brick(const OccupancyMap& map, std::size_t brick);
   bool encode_flat(const OccupancyMap& map, std::size_t brick);
   bool encode_words(const OccupancyMap& map, std::size_t brick);

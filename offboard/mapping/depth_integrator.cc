@@ -15,6 +15,10 @@ namespace {
 constexpr int kEdge = OccupancyMap::kBrickEdge;
 constexpr float kNearest = 1e-4F;  // m; voxel centres nearer the camera's plane project nowhere useful
 
+/// A cube's outline reaches from its centre, in the mean over directions, so many half edges far.
+constexpr float kSilhouette = 1.4F;
+constexpr float kMaxMargin = kSilhouette * DepthLookup::kMaxHalfWidth;  // pixels
+
 /// Full, half or quarter hit by a pixel's sigma against the voxel's edge; 0: too vague to hit a voxel.
 std::uint8_t hit_kind(double sigma_voxels) {
   if (sigma_voxels <= 0.5) return static_cast<std::uint8_t>(VoxelUpdate::kHit) + 1;
@@ -115,10 +119,8 @@ class DepthIntegration {
   Eigen::Vector3f project_from(const Eigen::Vector3i& position);
   Judged judge_voxels(const Eigen::Vector3i& position, const HitMask* hits);
   bool update_voxels(const Judged& judged, const HitMask* hits, OccupancyMap::Brick* brick);
-  int footprint_half_width(float depth) const {
-    const float half = 0.5F * resolution_ * std::min(fx_, fy_) / std::max(depth, kNearest);
-    return static_cast<int>(std::min(half, static_cast<float>(DepthLookup::kMaxHalfWidth)));
-  }
+  /// Half a voxel's edge, in pixels.
+  float half_edge(float depth) const { return 0.5F * resolution_ * std::min(fx_, fy_) / std::max(depth, kNearest); }
 
   const DepthMap& depth_map_;
   OccupancyMap& map_;
@@ -154,6 +156,8 @@ void DepthIntegration::scatter_hits() {
   const Eigen::Array3d size = region.size_voxels.cast<double>();
   const std::vector<float>& surface = lookup_.surface();
   std::size_t pixel = 0;
+  Eigen::Vector3i voxel_before(-1, -1, -1);
+  std::uint8_t* hit_before = nullptr;
   for (int v = 0; v < camera.height; ++v) {
     const Eigen::Vector3d row = corner + v * down;
     for (int u = 0; u < camera.width; ++u, ++pixel) {
@@ -166,6 +170,10 @@ void DepthIntegration::scatter_hits() {
       const std::uint8_t kind = hit_kind(static_cast<double>(depth_map_.sigma_m[pixel]) * per_metre);
       if (kind == 0) continue;
       const Eigen::Vector3i voxel = at.cast<int>();
+      if (voxel == voxel_before) {  // as most often
+        if (kind < *hit_before) *hit_before = kind;
+        continue;
+      }
       std::uint32_t& slot = hits_of_brick_[map_.brick_index(voxel / kEdge)];
       if (slot == 0) {
         hits_.push_back({});
@@ -173,6 +181,8 @@ void DepthIntegration::scatter_hits() {
       }
       std::uint8_t& hit = hits_[slot - 1][OccupancyMap::index_in_brick(voxel)];
       if (hit == 0 || kind < hit) hit = kind;  // the smallest sigma's
+      voxel_before = voxel;
+      hit_before = &hit;
     }
   }
 }
@@ -201,11 +211,10 @@ DepthIntegration::Cover DepthIntegration::classify(const Eigen::Vector3i& first_
   v_max = fy_ * v_max + cy_;
   const auto width = static_cast<float>(depth_map_.camera.width), height = static_cast<float>(depth_map_.camera.height);
   // Slack for rounding, so that a voxel's own answer is never another.
-  constexpr float kPixelSlack = 0.05F, kDepthSlack = 1 + 1e-5F;
-  if (u_max < -kPixelSlack || v_max < -kPixelSlack || u_min > width + kPixelSlack || v_min > height + kPixelSlack) {
-    return Cover::kNothing;
-  }
-  const int reach = footprint_half_width(z_min) + 1;
+  constexpr float kDepthSlack = 1 + 1e-5F;
+  const float margin = std::min(kSilhouette * half_edge(z_min), kMaxMargin) + 1;
+  const int reach = static_cast<int>(margin) + 1;
+  if (u_max < -margin || v_max < -margin || u_min > width + margin || v_min > height + margin) return Cover::kNothing;
   const auto pixel = [](float at, float end) { return static_cast<int>(std::clamp(at, 0.0F, end)); };
   const DepthLookup::Bounds bounds = lookup_.bounds(pixel(u_min, width) - reach, pixel(u_max, width) + reach,
                                                     pixel(v_min, height) - reach, pixel(v_max, height) + reach);
@@ -332,7 +341,10 @@ DepthIntegration::Judged DepthIntegration::judge_voxels(const Eigen::Vector3i& p
   const Eigen::Vector3i extent = map_.brick_extent(position);
   const Eigen::Vector3f first = project_from(position);
   const float middle = (first + axes_ * Eigen::Vector3f::Constant(0.5F * (kEdge - 1))).z();
-  projection_.free_limit = lookup_.free_limit_in_window(footprint_half_width(middle)).data();
+  // The window lies within the voxel's inscribed sphere: no pixel of it misses the voxel.
+  const float half_width = std::min(half_edge(middle), static_cast<float>(DepthLookup::kMaxHalfWidth));
+  projection_.margin = std::min(kSilhouette * half_edge(middle), kMaxMargin);
+  projection_.free_limit = lookup_.free_limit_in_window(static_cast<int>(half_width)).data();
   VoxelVerdicts& verdicts = verdicts_;
   classify_voxels_(projection_, &verdicts);
   if (hits != nullptr) {
@@ -349,9 +361,12 @@ DepthIntegration::Judged DepthIntegration::judge_voxels(const Eigen::Vector3i& p
       verdicts.missed[i] = verdicts.mark[i] = 0;
     }
   }
-  Judged judged;
-  for (const std::uint8_t missed : verdicts.missed) judged.missed += missed;
-  for (const std::uint8_t mark : verdicts.mark) judged.marked += mark != 0;
+  Judged judged{verdicts.missed_count, verdicts.mark_count};
+  if (hits != nullptr || extent != Eigen::Vector3i::Constant(kEdge)) {  // some were taken back
+    judged = {};
+    for (const std::uint8_t missed : verdicts.missed) judged.missed += missed;
+    for (const std::uint8_t mark : verdicts.mark) judged.marked += mark != 0;
+  }
   return judged;
 }
 

@@ -29,9 +29,9 @@ struct IntegrationScratch {
 ///     a voxel (two thirds of the belief then lie in it), half up to one voxel, a quarter up to two, beyond none.
 ///  2. miss: a pixel of its footprint sees through it: the largest free limit (surface less `free_margin_sigmas` sigma,
 ///     cut at the maximum range) of the pixels under the voxel's inscribed sphere lies behind the voxel's centre.
-///  3. mark: the surface at its centre's pixel lies before it by at most d_max along the ray: d(x) becomes the smaller
-///     of what it was and that distance (Eq. 9). Known voxels are marked too, so that marks do not depend on the order
-///     of images; the gain reads the mark of unknown ones alone.
+///  3. mark: the surface at its centre's pixel lies before it, and the farthest in its footprint by at most d_max along
+///     the ray: d(x) becomes the smaller of what it was and that distance (Eq. 9). Known voxels are marked too, so that
+///     marks do not depend on the order of images; the gain reads the mark of unknown ones alone.
 ///
 /// Only pixels in state kConverged speak. An edge pixel may belong to either side, so it neither hits, nor frees (it
 /// might free the near side's rim), nor marks; a pixel that did not converge says nothing of the space before it.

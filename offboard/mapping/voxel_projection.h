@@ -12,6 +12,7 @@ struct VoxelProjection {
   std::array<float, 3> first{}, step_x{}, step_y{}, step_z{};
   float fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixel = truncate(f x / z + c): c holds the half pixel
   int width = 0, height = 0;
+  float margin = 0;  ///< pixels: half width of a voxel's footprint, by which its centre may lie beside the image
   /// Images of DepthLookup; element width x height answers for every voxel off the image (0 and infinity).
   const float* free_limit = nullptr;
   const float* surface = nullptr;
@@ -23,6 +24,7 @@ struct VoxelProjection {
 struct VoxelVerdicts {
   alignas(64) std::array<std::uint8_t, 512> missed;
   alignas(64) std::array<std::uint8_t, 512> mark;
+  std::int32_t missed_count, mark_count;
 };
 
 using ClassifyVoxels = void (*)(const VoxelProjection& projection, VoxelVerdicts* verdicts);

@@ -26,8 +26,12 @@ void classify_layer(const VoxelProjection& p, std::size_t layer, std::uint8_t* m
     const float pz = p.first[2] + x * p.step_x[2] + y * p.step_y[2] + z * p.step_z[2];
     const float inverse = 1 / pz, across = px * inverse, down = py * inverse;
     const float u = p.fx * across + p.cx, v = p.fy * down + p.cy;
-    const bool on_image = (pz > kNearest) & (u >= 0) & (v >= 0) & (u < width) & (v < height);
-    const float safe_u = on_image ? u : 0, safe_v = on_image ? v : 0;
+    const bool on_image =
+        (pz > kNearest) & (u >= -p.margin) & (v >= -p.margin) & (u < width + p.margin) & (v < height + p.margin);
+    // A voxel whose centre lies beside the image asks the nearest pixel: part of it is seen.
+    const float low_u = u > 0 ? u : 0, low_v = v > 0 ? v : 0;
+    const float safe_u = on_image & (low_u < width) ? low_u : width - 1;
+    const float safe_v = on_image & (low_v < height) ? low_v : height - 1;
     const std::int32_t at = static_cast<std::int32_t>(safe_v) * p.width + static_cast<std::int32_t>(safe_u);
     pixel[i] = on_image ? at : outside;
     depth[i] = pz;
@@ -38,9 +42,11 @@ void classify_layer(const VoxelProjection& p, std::size_t layer, std::uint8_t* m
     surface[i] = p.surface[pixel[i]];
   }
   for (std::size_t i = 0; i < kLanes; ++i) {
-    const float behind = (depth[i] - surface[i]) * __builtin_sqrtf(slant[i]);
-    const std::int32_t seen_through = depth[i] < free_limit[i];
-    const bool marked = (behind > 0) & (behind <= p.occlusion_range_m) & (seen_through == 0);
+    // Of the surfaces in the footprint the farthest is the nearest to the voxel behind them.
+    const float nearest = free_limit[i] > surface[i] ? free_limit[i] : surface[i];
+    const float behind = (depth[i] - nearest) * __builtin_sqrtf(slant[i]);
+    const std::int32_t seen_through = (depth[i] > kNearest) & (depth[i] < free_limit[i]);
+    const bool marked = (depth[i] > surface[i]) & (behind >= 0) & (behind <= p.occlusion_range_m) & (seen_through == 0);
     const float clamped = marked ? behind : 0;
     const auto step = static_cast<std::int32_t>(1.5F + clamped * p.marks_per_metre);
     missed[i] = static_cast<std::uint8_t>(seen_through);
@@ -52,6 +58,13 @@ void classify(const VoxelProjection& projection, VoxelVerdicts* verdicts) {
   for (std::size_t layer = 0; layer < 8; ++layer) {
     classify_layer(projection, layer, verdicts->missed.data() + kLanes * layer, verdicts->mark.data() + kLanes * layer);
   }
+  std::int32_t missed = 0, marked = 0;
+  for (std::size_t i = 0; i < 512; ++i) {
+    missed += verdicts->missed[i];
+    marked += verdicts->mark[i] != 0;
+  }
+  verdicts->missed_count = missed;
+  verdicts->mark_count = marked;
 }
 
 }  // namespace
