@@ -138,7 +138,7 @@ class DepthIntegration {
   float truncation_ = 0;
   VoxelProjection projection_;
   VoxelVerdicts verdicts_;
-  ClassifyVoxels classify_voxels_ = best_classify_voxels();
+  ProjectionKernels kernels_ = best_projection_kernels();
   IntegrationResult result_;
 };
 
@@ -346,7 +346,7 @@ DepthIntegration::Judged DepthIntegration::judge_voxels(const Eigen::Vector3i& p
   projection_.margin = std::min(kSilhouette * half_edge(middle), kMaxMargin);
   projection_.free_limit = lookup_.free_limit_in_window(static_cast<int>(half_width)).data();
   VoxelVerdicts& verdicts = verdicts_;
-  classify_voxels_(projection_, &verdicts);
+  kernels_.classify_voxels(projection_, &verdicts);
   if (hits != nullptr) {
     for (std::size_t i = 0; i < hits->size(); ++i) {
       const auto free_of_hits = static_cast<std::uint8_t>((*hits)[i] == 0 ? 0xff : 0);

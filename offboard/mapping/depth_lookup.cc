@@ -2,36 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 namespace vantage {
 namespace {
 
+static_assert(static_cast<int>(DepthState::kConverged) == 1, "the kernels know the number");
+
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr int kFirstLevel = 2;  // blocks of 4 x 4 pixels
 
 constexpr std::array<int, 9> kHalfWidths = {0, 1, 2, 3, 4, 6, 8, 11, DepthLookup::kMaxHalfWidth};
-
-using Floats = float __attribute__((vector_size(16)));
-
-Floats load(const float* from) {
-  Floats value;
-  std::memcpy(&value, from, sizeof value);
-  return value;
-}
-
-/// out[i] = max(a[i], b[i], c[i]).
-void max_of_three(const float* a, const float* b, const float* c, std::size_t n, float* out) {
-  std::size_t i = 0;
-  for (; i + 4 <= n; i += 4) {
-    const Floats va = load(a + i), vb = load(b + i), vc = load(c + i);
-    const Floats ab = va > vb ? va : vb;
-    const Floats abc = ab > vc ? ab : vc;
-    std::memcpy(out + i, &abc, sizeof abc);
-  }
-  for (; i < n; ++i) out[i] = std::max(std::max(a[i], b[i]), c[i]);
-}
 
 }  // namespace
 
@@ -42,8 +23,6 @@ void DepthLookup::prepare(const DepthMap& depth_map, const SensorModel& model) {
   const CameraModel& camera = depth_map.camera;
   windows_[0].resize(depth_map.depth_m.size() + 1);
   surface_.resize(depth_map.depth_m.size() + 1);
-  const auto margin = static_cast<float>(model.free_margin_sigmas);
-  const auto max_range = static_cast<float>(model.max_range_m);
   std::vector<float> x_squared(static_cast<std::size_t>(width_));
   for (int u = 0; u < width_; ++u) {
     const auto x = static_cast<float>((u - camera.cx) / camera.fx);
@@ -52,21 +31,18 @@ void DepthLookup::prepare(const DepthMap& depth_map, const SensorModel& model) {
   std::size_t first = 0;
   for (int v = 0; v < height_; ++v, first += x_squared.size()) {
     const auto y = static_cast<float>((v - camera.cy) / camera.fy);
-    const float row = 1 + y * y;
-    const float* depths = &depth_map.depth_m[first];
-    const float* sigmas = &depth_map.sigma_m[first];
-    const DepthState* states = &depth_map.state[first];
-    float* free_limit = &windows_[0][first];
-    float* surface = &surface_[first];
-    for (std::size_t u = 0; u < x_squared.size(); ++u) {
-      const bool usable = states[u] == DepthState::kConverged;
-      const float depth = depths[u];
-      const float limit = max_range / __builtin_sqrtf(row + x_squared[u]);  // range along the ray, as a depth
-      const float before = depth - margin * sigmas[u];
-      const float free = before < limit ? before : limit;
-      free_limit[u] = usable & (free > 0) ? free : 0.0F;
-      surface[u] = usable & (depth <= limit) ? depth : kInfinity;
-    }
+    DepthRow row;
+    row.depth_m = &depth_map.depth_m[first];
+    row.sigma_m = &depth_map.sigma_m[first];
+    row.state = reinterpret_cast<const std::uint8_t*>(&depth_map.state[first]);
+    row.x_squared = x_squared.data();
+    row.one_plus_y_squared = 1 + y * y;
+    row.max_range_m = static_cast<float>(model.max_range_m);
+    row.margin_sigmas = static_cast<float>(model.free_margin_sigmas);
+    row.free_limit = &windows_[0][first];
+    row.surface = &surface_[first];
+    row.width = x_squared.size();
+    kernels_.prepare_row(row);
   }
   windows_[0].back() = 0;
   surface_.back() = kInfinity;
@@ -89,15 +65,15 @@ const std::vector<float>& DepthLookup::free_limit_in_window(int half_width) {
       float* out = &rows_[v * w];
       for (std::size_t u = 0; u < w; ++u) {
         if (u == shift && w > 2 * shift) {
-          max_of_three(in, in + shift, in + 2 * shift, w - 2 * shift, out + shift);
+          kernels_.max_of_three(in, in + shift, in + 2 * shift, w - 2 * shift, out + shift);
           u = w - shift;
         }
         out[u] = std::max({in[u < shift ? 0 : u - shift], in[u], in[std::min(u + shift, w - 1)]});
       }
     }
     for (std::size_t v = 0; v < h; ++v) {
-      max_of_three(&rows_[(v < shift ? 0 : v - shift) * w], &rows_[v * w], &rows_[std::min(v + shift, h - 1) * w], w,
-                   &wide[v * w]);
+      kernels_.max_of_three(&rows_[(v < shift ? 0 : v - shift) * w], &rows_[v * w],
+                            &rows_[std::min(v + shift, h - 1) * w], w, &wide[v * w]);
     }
     wide.back() = 0;
   }

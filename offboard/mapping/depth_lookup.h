@@ -5,6 +5,7 @@
 
 #include "lcmtypes/link/depth_map.h"
 #include "offboard/mapping/sensor_model.h"
+#include "offboard/mapping/voxel_projection.h"
 
 namespace vantage {
 
@@ -48,6 +49,7 @@ class DepthLookup {
 
   void build_pyramid();
 
+  ProjectionKernels kernels_ = best_projection_kernels();
   int width_ = 0, height_ = 0;
   std::array<std::vector<float>, 9> windows_;  // by half width
   std::size_t windows_ready_ = 0;

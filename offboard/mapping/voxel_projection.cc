@@ -2,15 +2,15 @@
 
 namespace vantage {
 
-ClassifyVoxels best_classify_voxels() {
+ProjectionKernels best_projection_kernels() {
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
       __builtin_cpu_supports("avx512vl")) {
-    return classify_voxels_avx512;
+    return projection_kernels_avx512();
   }
-  if (__builtin_cpu_supports("avx2")) return classify_voxels_avx2;
+  if (__builtin_cpu_supports("avx2")) return projection_kernels_avx2();
 #endif
-  return classify_voxels_portable;
+  return projection_kernels_portable();
 }
 
 }  // namespace vantage

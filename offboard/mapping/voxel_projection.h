@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace vantage {
@@ -27,14 +28,29 @@ struct VoxelVerdicts {
   std::int32_t missed_count, mark_count;
 };
 
-using ClassifyVoxels = void (*)(const VoxelProjection& projection, VoxelVerdicts* verdicts);
+/// A row of a depth image as DepthLookup keeps it.
+struct DepthRow {
+  const float *depth_m = nullptr, *sigma_m = nullptr;
+  const std::uint8_t* state = nullptr;  ///< DepthState
+  const float* x_squared = nullptr;     ///< (x / z)^2 by column
+  float one_plus_y_squared = 1, max_range_m = 0, margin_sigmas = 0;
+  float *free_limit = nullptr, *surface = nullptr;  ///< out
+  std::size_t width = 0;
+};
 
-/// All give the same verdicts to the bit.
-void classify_voxels_portable(const VoxelProjection& projection, VoxelVerdicts* verdicts);
-void classify_voxels_avx2(const VoxelProjection& projection, VoxelVerdicts* verdicts);
-void classify_voxels_avx512(const VoxelProjection& projection, VoxelVerdicts* verdicts);
+/// Loops over voxels and pixels, compiled once an instruction set. All give the same results to the bit.
+struct ProjectionKernels {
+  void (*classify_voxels)(const VoxelProjection& projection, VoxelVerdicts* verdicts);
+  void (*prepare_row)(const DepthRow& row);
+  /// out[i] = max(a[i], b[i], c[i]).
+  void (*max_of_three)(const float* a, const float* b, const float* c, std::size_t n, float* out);
+};
+
+ProjectionKernels projection_kernels_portable();
+ProjectionKernels projection_kernels_avx2();
+ProjectionKernels projection_kernels_avx512();
 
 /// The fastest that this machine runs.
-ClassifyVoxels best_classify_voxels();
+ProjectionKernels best_projection_kernels();
 
 }  // namespace vantage

@@ -2,8 +2,6 @@
 
 namespace vantage {
 
-void classify_voxels_avx512(const VoxelProjection& projection, VoxelVerdicts* verdicts) {
-  classify(projection, verdicts);
-}
+ProjectionKernels projection_kernels_avx512() { return {classify, prepare_row, max_of_three}; }
 
 }  // namespace vantage

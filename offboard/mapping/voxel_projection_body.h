@@ -1,4 +1,4 @@
-// The body of classify_voxels, included by one file an instruction set: loops that the compiler vectorises.
+// The body of the projection's kernels, included by one file an instruction set: loops that the compiler vectorises.
 // To be compiled without contraction of a * b + c, so that all give the same verdicts.
 
 #include <cmath>
@@ -65,6 +65,33 @@ void classify(const VoxelProjection& projection, VoxelVerdicts* verdicts) {
   }
   verdicts->missed_count = missed;
   verdicts->mark_count = marked;
+}
+
+void prepare_row(const DepthRow& row) {
+  const float* __restrict depths = row.depth_m;
+  const float* __restrict sigmas = row.sigma_m;
+  const std::uint8_t* __restrict states = row.state;
+  const float* __restrict x_squared = row.x_squared;
+  float* __restrict free_limit = row.free_limit;
+  float* __restrict surface = row.surface;
+  const float y = row.one_plus_y_squared, range = row.max_range_m, margin = row.margin_sigmas;
+  for (std::size_t u = 0; u < row.width; ++u) {
+    const bool usable = states[u] == 1;  // DepthState::kConverged
+    const float depth = depths[u];
+    const float limit = range / __builtin_sqrtf(y + x_squared[u]);  // the range along the ray, as a depth
+    const float before = depth - margin * sigmas[u];
+    const float free = before < limit ? before : limit;
+    free_limit[u] = usable & (free > 0) ? free : 0.0F;
+    surface[u] = usable & (depth <= limit) ? depth : __builtin_inff();
+  }
+}
+
+void max_of_three(const float* __restrict a, const float* __restrict b, const float* __restrict c, std::size_t n,
+                  float* __restrict out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const float ab = a[i] > b[i] ? a[i] : b[i];
+    out[i] = ab > c[i] ? ab : c[i];
+  }
 }
 
 }  // namespace

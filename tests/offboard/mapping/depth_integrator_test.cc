@@ -187,9 +187,9 @@ TEST(DepthIntegrator, EveryInstructionSetGivesTheSameVerdictsToTheBit) {
   RecordProperty("seed", static_cast<int>(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> unit(0, 1);
-  std::vector<ClassifyVoxels> functions = {classify_voxels_portable, best_classify_voxels()};
+  std::vector<ProjectionKernels> kernels = {projection_kernels_portable(), best_projection_kernels()};
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) functions.push_back(classify_voxels_avx2);
+  if (__builtin_cpu_supports("avx2")) kernels.push_back(projection_kernels_avx2());
 #endif
   std::vector<float> free_limit, surface;
   for (int i = 0; i < 64 * 48; ++i) {
@@ -219,15 +219,35 @@ TEST(DepthIntegrator, EveryInstructionSetGivesTheSameVerdictsToTheBit) {
     }
     p.first[2] += 0.6F;
     VoxelVerdicts expected;
-    functions[0](p, &expected);
-    for (const ClassifyVoxels function : functions) {
+    kernels[0].classify_voxels(p, &expected);
+    for (const ProjectionKernels& kernel : kernels) {
       VoxelVerdicts verdicts;
-      function(p, &verdicts);
+      kernel.classify_voxels(p, &verdicts);
       ASSERT_EQ(verdicts.missed, expected.missed);
       ASSERT_EQ(verdicts.mark, expected.mark);
       ASSERT_EQ(verdicts.missed_count, expected.missed_count);
       ASSERT_EQ(verdicts.mark_count, expected.mark_count);
     }
+  }
+  std::vector<float> sigma(surface.size(), 0.003F), squares, expected_free(64), expected_surface(64), expected_max(61);
+  std::vector<std::uint8_t> state;
+  for (int i = 0; i < 64; ++i) {
+    squares.push_back(unit(random));
+    state.push_back(static_cast<std::uint8_t>(random() % 5));
+  }
+  for (std::size_t i = 0; i < kernels.size(); ++i) {
+    std::vector<float> free(64), seen(64), largest(61);
+    kernels[i].prepare_row(
+        {free_limit.data(), sigma.data(), state.data(), squares.data(), 1.2F, 0.9F, 2, free.data(), seen.data(), 64});
+    kernels[i].max_of_three(free_limit.data(), free_limit.data() + 70, free_limit.data() + 500, 61, largest.data());
+    if (i == 0) {
+      expected_free = free;
+      expected_surface = seen;
+      expected_max = largest;
+    }
+    ASSERT_EQ(free, expected_free);
+    ASSERT_EQ(seen, expected_surface);
+    ASSERT_EQ(largest, expected_max);
   }
 }
 
