@@ -206,12 +206,13 @@ void BrickPacket<kPairs>::walk(__mmask16 lanes, __m512i word) {
       ends_occupied_ += __builtin_popcount(occupied & ~static_cast<unsigned>(occplane));
       rear_side_entropy_ = _mm512_mask_add_ps(rear_side_entropy_, occupied, rear_side_entropy_, run_);
       alive_ = static_cast<__mmask16>(alive_ & ~stop);
+      // Here alone, not below: else the end of this loop, which is hard to foresee, would wait for the codes to arrive.
+      walking = static_cast<__mmask16>(walking & ~stop);
     }
     run_ = _mm512_mask_mov_ps(run_, walking, _mm512_maskz_add_ps(unknown, run_, visible));
     before_unknown_ = static_cast<__mmask16>((before_unknown_ & ~walking) | unknown);
     seen_ = _mm512_or_si512(seen_, code);
     proximity_ = _mm512_add_epi32(proximity_, _mm512_srli_epi32(code, 24));
-    walking = static_cast<__mmask16>(walking & ~stop);
     __mmask16 go[3];
     next_axis(time_, go);
     for (std::size_t a = 0; a < 3; ++a) {
