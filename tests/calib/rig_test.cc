@@ -1,7 +1,6 @@
 #include "calib/rig.h"
 
 #include <fstream>
-#include <regex>
 
 #include <gtest/gtest.h>
 
@@ -38,10 +37,12 @@ class RigFile : public testing::Test {
     return path;
   }
 
-  /// The message of loading kRig with `from` replaced by `to`.
+  /// The message of loading kRig with the first `from` replaced by `to`.
   std::string fault(const std::string& from, const std::string& to) {
-    const std::string text = std::regex_replace(std::string(kRig), std::regex(from), to);
-    EXPECT_NE(text, kRig) << from;
+    std::string text = kRig;
+    const std::size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
     try {
       load_rig(write(text));
     } catch (const InputError& error) {
@@ -78,7 +79,7 @@ TEST_F(RigFile, NamesFileLineKeyAndMend) {
 
 TEST_F(RigFile, RefusesWhatMakesNoSense) {
   EXPECT_NE(fault("10 cm", "-10 cm").find("must be positive"), std::string::npos);
-  EXPECT_NE(fault("0.7071068\\]", "0.5]").find("unit length"), std::string::npos);
+  EXPECT_NE(fault("0.7071068]", "0.5]").find("unit length"), std::string::npos);
   EXPECT_NE(fault("0.001, 0.002", "0.001").find("4 or 5 coefficients, found 3"), std::string::npos);
   EXPECT_NE(fault("500 px", ".nan px").find("focal_length"), std::string::npos);
   EXPECT_NE(fault("500 px", "-500 px").find("positive"), std::string::npos);
