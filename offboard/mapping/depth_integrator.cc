@@ -213,7 +213,7 @@ DepthIntegration::Cover DepthIntegration::classify(const Eigen::Vector3i& first_
   // Slack for rounding, so that a voxel's own answer is never another.
   constexpr float kDepthSlack = 1 + 1e-5F;
   const float margin = std::min(kSilhouette * half_edge(z_min), kMaxMargin) + 1;
-  const int reach = static_cast<int>(margin) + 1;
+  const int reach = static_cast<int>(std::min(half_edge(z_min), kMaxMargin)) + 1;  // the windows', and rounding
   if (u_max < -margin || v_max < -margin || u_min > width + margin || v_min > height + margin) return Cover::kNothing;
   const auto pixel = [](float at, float end) { return static_cast<int>(std::clamp(at, 0.0F, end)); };
   const DepthLookup::Bounds bounds = lookup_.bounds(pixel(u_min, width) - reach, pixel(u_max, width) + reach,
@@ -384,12 +384,17 @@ bool DepthIntegration::update_voxels(const Judged& judged, const HitMask* hits, 
   bool changed = marked != 0;
   if (judged.missed != 0) changed |= miss(verdicts_.missed, brick);
   if (hits != nullptr) {
-    for (std::size_t i = 0; i < hits->size(); ++i) {
-      if ((*hits)[i] == 0) continue;
-      ++result_.voxels_hit;
-      const Level after = map_.levels().after(static_cast<VoxelUpdate>((*hits)[i] - 1), brick->level[i]);
-      changed |= after != brick->level[i];
-      brick->level[i] = after;
+    for (std::size_t row = 0; row < hits->size(); row += kEdge) {
+      std::uint64_t any = 0;
+      std::memcpy(&any, &(*hits)[row], sizeof any);
+      if (any == 0) continue;
+      for (std::size_t i = row; i < row + kEdge; ++i) {
+        if ((*hits)[i] == 0) continue;
+        ++result_.voxels_hit;
+        const Level after = map_.levels().after(static_cast<VoxelUpdate>((*hits)[i] - 1), brick->level[i]);
+        changed |= after != brick->level[i];
+        brick->level[i] = after;
+      }
     }
   }
   result_.voxels_missed += judged.missed;

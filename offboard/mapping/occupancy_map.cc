@@ -23,6 +23,7 @@ const SensorModel& checked(const SensorModel& model) {
 /// True when every voxel has the first one's level and none a mark. Voxels beyond the region are kept alike too.
 bool uniform(const OccupancyMap::Brick& brick) {
   const Level first = brick.level[0];
+  if (brick.level.back() != first || (brick.mark.front() | brick.mark.back()) != 0) return false;  // most often
   unsigned different = 0;
   for (const Level level : brick.level) different |= static_cast<unsigned>(level ^ first);
   if (different != 0) return false;

@@ -37,19 +37,25 @@ void classify_layer(const VoxelProjection& p, std::size_t layer, std::uint8_t* m
     depth[i] = pz;
     slant[i] = 1 + across * across + down * down;  // (length of the ray / depth)^2
   }
+  for (std::size_t i = 0; i < kLanes; ++i) free_limit[i] = p.free_limit[pixel[i]];
+  std::int32_t free_voxels = 0;
   for (std::size_t i = 0; i < kLanes; ++i) {
-    free_limit[i] = p.free_limit[pixel[i]];
-    surface[i] = p.surface[pixel[i]];
+    const std::int32_t seen_through = (depth[i] > kNearest) & (depth[i] < free_limit[i]);
+    missed[i] = static_cast<std::uint8_t>(seen_through);
+    free_voxels += seen_through;
   }
+  if (free_voxels == static_cast<std::int32_t>(kLanes)) {  // as in most layers: nothing left to mark
+    for (std::size_t i = 0; i < kLanes; ++i) mark[i] = 0;
+    return;
+  }
+  for (std::size_t i = 0; i < kLanes; ++i) surface[i] = p.surface[pixel[i]];
   for (std::size_t i = 0; i < kLanes; ++i) {
     // Of the surfaces in the footprint the farthest is the nearest to the voxel behind them.
     const float nearest = free_limit[i] > surface[i] ? free_limit[i] : surface[i];
     const float behind = (depth[i] - nearest) * __builtin_sqrtf(slant[i]);
-    const std::int32_t seen_through = (depth[i] > kNearest) & (depth[i] < free_limit[i]);
-    const bool marked = (depth[i] > surface[i]) & (behind >= 0) & (behind <= p.occlusion_range_m) & (seen_through == 0);
+    const bool marked = (depth[i] > surface[i]) & (behind >= 0) & (behind <= p.occlusion_range_m) & (missed[i] == 0);
     const float clamped = marked ? behind : 0;
     const auto step = static_cast<std::int32_t>(1.5F + clamped * p.marks_per_metre);
-    missed[i] = static_cast<std::uint8_t>(seen_through);
     mark[i] = static_cast<std::uint8_t>(marked ? step : 0);
   }
 }
