@@ -1,17 +1,15 @@
 // vantage-offboard: the workstation's program. Depth maps to a map, to gains, to the next best view.
 
-#include <atomic>
 #include <cstdio>
 #include <ctime>
-#include <exception>
 #include <iostream>
 #include <optional>
 
 #include <CLI/CLI.hpp>
-#include <signal.h>
 #include <spdlog/spdlog.h>
 
 #include "calib/files/input_error.h"
+#include "calib/program.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/event_log.h"
 #include "lcmtypes/link/lcm_bus.h"
@@ -21,8 +19,6 @@
 
 namespace vantage {
 namespace {
-
-std::atomic<bool> interrupted = false;  // set by the signal handler alone
 
 /// What the command line says; what it does not say stays as the configuration has it.
 struct Arguments {
@@ -67,7 +63,8 @@ void apply(const Arguments& arguments, SessionConfig* config) {
   }
 }
 
-PlannerEnd run_live(const Arguments& arguments, const Clock& clock, Session& session) {
+PlannerEnd run_live(const Arguments& arguments, const Clock& clock, const std::atomic<bool>& interrupted,
+                    Session& session) {
   LcmBus bus(arguments.lcm);
   PlannerLink link(bus, clock, session, VANTAGE_VERSION);
   PlannerEnd end;
@@ -103,6 +100,7 @@ void check_against(const std::string& log, const OccupancyMap& map) {
 }
 
 int run(const Arguments& arguments) {
+  const std::atomic<bool>& interrupted = interrupt_flag();
   const bool replaying = !arguments.replay.empty();
   SessionConfig config;
   if (replaying) {
@@ -128,7 +126,7 @@ int run(const Arguments& arguments) {
     replay_log(arguments.replay, arguments.speed, interrupted, session);
     end.message = interrupted ? "interrupted" : session.finished() ? session.finish_reason() : "the log has ended";
   } else {
-    end = run_live(arguments, clock, session);
+    end = run_live(arguments, clock, interrupted, session);
   }
   session.write_results();
   if (end.exit_status == kExitOk) {
@@ -172,17 +170,5 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? kExitOk : kExitBadInput;
   }
   spdlog::set_pattern("vantage-offboard: %^%v%$");
-  struct sigaction action {};
-  action.sa_handler = [](int) { interrupted = true; };
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
-  try {
-    return run(arguments);
-  } catch (const InputError& error) {
-    std::fprintf(stderr, "vantage-offboard: %s\n", error.what());
-    return kExitBadInput;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "vantage-offboard: %s\n", error.what());
-    return kExitFailure;
-  }
+  return run_program("vantage-offboard", [&] { return run(arguments); });
 }

@@ -1,14 +1,10 @@
 // vantage-onboard: the robot's program. Camera to depth maps, goals to motion.
 
-#include <atomic>
-#include <cstdio>
-#include <exception>
-
 #include <CLI/CLI.hpp>
-#include <signal.h>
 #include <spdlog/spdlog.h>
 
 #include "calib/files/input_error.h"
+#include "calib/program.h"
 #include "calib/rig.h"
 #include "drivers/robot/camera_carrier.h"
 #include "drivers/sim/sim_camera.h"
@@ -17,8 +13,6 @@
 
 namespace vantage {
 namespace {
-
-std::atomic<bool> interrupted = false;  // set by the signal handler alone
 
 struct Arguments {
   std::string camera;
@@ -57,6 +51,7 @@ void require_same_camera(const Rig& rig, const std::string& rig_path, const sim:
 }
 
 int run(const Arguments& arguments) {
+  const std::atomic<bool>& interrupted = interrupt_flag();
   const std::string socket = socket_of(arguments.camera);
   const Rig rig = load_rig(arguments.rig);
   if (rig.stereo_baseline_m == 0) throw InputError(arguments.rig + ": stereo depth needs a stereo_baseline");
@@ -108,17 +103,5 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? kExitOk : kExitBadInput;
   }
   spdlog::set_pattern("vantage-onboard: %^%v%$");
-  struct sigaction action {};
-  action.sa_handler = [](int) { interrupted = true; };
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
-  try {
-    return run(arguments);
-  } catch (const InputError& error) {
-    std::fprintf(stderr, "vantage-onboard: %s\n", error.what());
-    return kExitBadInput;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "vantage-onboard: %s\n", error.what());
-    return kExitFailure;
-  }
+  return run_program("vantage-onboard", [&] { return run(arguments); });
 }

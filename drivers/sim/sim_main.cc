@@ -15,6 +15,7 @@
 
 #include "calib/files/input_error.h"
 #include "calib/files/ply.h"
+#include "calib/program.h"
 #include "drivers/sim/look_at.h"
 #include "drivers/sim/mesh.h"
 #include "drivers/sim/server.h"
@@ -157,13 +158,5 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? vantage::kExitOk : vantage::kExitBadInput;
   }
-  try {
-    return vantage::sim::run(arguments);
-  } catch (const vantage::InputError& error) {
-    fmt::print(stderr, "vantage-sim: {}\n", error.what());
-    return vantage::kExitBadInput;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "vantage-sim: {}\n", error.what());
-    return vantage::kExitFailure;
-  }
+  return vantage::run_program("vantage-sim", [&] { return vantage::sim::run(arguments); });
 }

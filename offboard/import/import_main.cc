@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <optional>
 
 #include <CLI/CLI.hpp>
 #include <vantage/session_config_t.hpp>
 
 #include "calib/files/input_error.h"
+#include "calib/program.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/event_log.h"
 #include "lcmtypes/link/message_bus.h"
@@ -202,13 +202,5 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kExitOk : kExitBadInput;
   }
-  try {
-    return run(arguments);
-  } catch (const InputError& error) {
-    std::fprintf(stderr, "vantage-import: %s\n", error.what());
-    return kExitBadInput;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "vantage-import: %s\n", error.what());
-    return kExitFailure;
-  }
+  return run_program("vantage-import", [&] { return run(arguments); });
 }

@@ -1,15 +1,14 @@
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <limits>
 #include <random>
 
 #include <gtest/gtest.h>
 
 #include "calib/files/atomic_file.h"
-#include "calib/files/input_error.h"
 #include "calib/files/ply.h"
 #include "calib/files/trajectory.h"
+#include "tests/input_fault.h"
 
 namespace vantage {
 namespace {
@@ -27,14 +26,6 @@ class Files : public testing::Test {
     std::ofstream(folder_ / name) << text;
     return folder_ / name;
   }
-  static std::string fault(const std::function<void()>& action) {
-    try {
-      action();
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "";
-  }
   fs::path folder_;
 };
 
@@ -51,7 +42,8 @@ TEST_F(Files, AtomicFileAppearsWholeOrNotAtAll) {
   std::string text;
   std::ifstream(folder_ / "a") >> text;
   EXPECT_EQ(text, "whole");
-  EXPECT_NE(fault([&] { AtomicFile(folder_ / "none" / "a"); }).find("none/a: can't be written"), std::string::npos);
+  EXPECT_NE(input_fault([&] { AtomicFile(folder_ / "none" / "a"); }).find("none/a: can't be written"),
+            std::string::npos);
 }
 
 TEST_F(Files, PlyIsReadBackToTheSameBits) {
@@ -86,19 +78,20 @@ TEST_F(Files, PlyReadsAsciiAndPassesOverOtherProperties) {
 
 TEST_F(Files, PlyFaultsAreNamed) {
   const std::string head = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n";
-  EXPECT_NE(fault([&] { read_ply(folder_ / "none.ply"); }).find("none.ply: no such file"), std::string::npos);
-  EXPECT_NE(fault([&] { read_ply(write("b", "obj\n")); }).find("not a PLY file"), std::string::npos);
-  EXPECT_NE(fault([&] { read_ply(write("b", head + "end_header\n0 0\n")); }).find("lack x, y or z"), std::string::npos);
-  EXPECT_NE(fault([&] { read_ply(write("b", head + "property float z\nend_header\n0 0\n")); }).find("cut short"),
+  EXPECT_NE(input_fault([&] { read_ply(folder_ / "none.ply"); }).find("none.ply: no such file"), std::string::npos);
+  EXPECT_NE(input_fault([&] { read_ply(write("b", "obj\n")); }).find("not a PLY file"), std::string::npos);
+  EXPECT_NE(input_fault([&] { read_ply(write("b", head + "end_header\n0 0\n")); }).find("lack x, y or z"),
             std::string::npos);
-  EXPECT_NE(fault([&] { read_ply(write("b", head)); }).find("ends before end_header"), std::string::npos);
-  EXPECT_NE(fault([&] {
+  EXPECT_NE(input_fault([&] { read_ply(write("b", head + "property float z\nend_header\n0 0\n")); }).find("cut short"),
+            std::string::npos);
+  EXPECT_NE(input_fault([&] { read_ply(write("b", head)); }).find("ends before end_header"), std::string::npos);
+  EXPECT_NE(input_fault([&] {
               read_ply(write("b", head + "property float z\nelement face 1\nproperty list uchar int i\nend_header\n"
                                          "0 0 0\n3 0 0 7\n"));
             }).find("names a vertex that is not there"),
             std::string::npos);
   // A header that claims more than the file holds is found by reading, not by allocating.
-  EXPECT_NE(fault([&] {
+  EXPECT_NE(input_fault([&] {
               read_ply(write("b",
                              "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\n"
                              "property float y\nproperty float z\nend_header\n0 0 0\n"));
@@ -120,7 +113,7 @@ TEST_F(Files, TrajectoryRoundTrips) {
 
 TEST_F(Files, TrajectoryFaultsNameTheLine) {
   const auto message = [&](const std::string& text) {
-    return fault([&] { read_tum_trajectory(write("t.txt", text)); });
+    return input_fault([&] { read_tum_trajectory(write("t.txt", text)); });
   };
   const std::string good = "# comment\n0 0 0 0 0 0 0 1\n";
   EXPECT_NE(message(good + "1 nan 0 0 0 0 0 1\n").find("t.txt:3: the number nan is not finite"), std::string::npos);
@@ -133,10 +126,11 @@ TEST_F(Files, TrajectoryFaultsNameTheLine) {
 TEST_F(Files, MatrixPoseMustBeRigid) {
   const Eigen::Isometry3d pose = read_matrix_pose(write("p.txt", "0 -1 0 4\n1 0 0 5\n0 0 1 6\n0 0 0 1\n"));
   EXPECT_TRUE((pose * Eigen::Vector3d(1, 0, 0)).isApprox(Eigen::Vector3d(4, 6, 6)));
-  EXPECT_NE(fault([&] { read_matrix_pose(write("p.txt", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0")); }).find("15 numbers"),
+  EXPECT_NE(input_fault([&] { read_matrix_pose(write("p.txt", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0")); }).find("15 numbers"),
             std::string::npos);
-  EXPECT_NE(fault([&] { read_matrix_pose(write("p.txt", "2 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1")); }).find("not a rigid"),
-            std::string::npos);
+  EXPECT_NE(
+      input_fault([&] { read_matrix_pose(write("p.txt", "2 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1")); }).find("not a rigid"),
+      std::string::npos);
 }
 
 }  // namespace

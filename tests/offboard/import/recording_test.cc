@@ -1,28 +1,18 @@
 #include "offboard/import/recording.h"
 
 #include <fstream>
-#include <functional>
 #include <iostream>
 
 #include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 
-#include "calib/files/input_error.h"
 #include "offboard/session/map_check.h"
+#include "tests/input_fault.h"
 
 namespace vantage {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string fault(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
-}
 
 class RecordingTest : public testing::Test {
  protected:
@@ -95,25 +85,26 @@ TEST_F(RecordingTest, ZeroAndAllOnesAndTooFarAreNoMeasurement) {
 }
 
 TEST_F(RecordingTest, FaultsAreNamed) {
-  EXPECT_NE(fault([&] { open_recording(folder_ / "none"); }).find("no such folder"), std::string::npos);
-  EXPECT_NE(fault([&] { open_recording(folder_); }).find("holds no recording"), std::string::npos);
+  EXPECT_NE(input_fault([&] { open_recording(folder_ / "none"); }).find("no such folder"), std::string::npos);
+  EXPECT_NE(input_fault([&] { open_recording(folder_); }).find("holds no recording"), std::string::npos);
   write_depth("frame-000001.depth.png", 320, 240, 1000);
-  EXPECT_NE(fault([&] { open_recording(folder_); }).find("there is no frame-000001.pose.txt"), std::string::npos);
+  EXPECT_NE(input_fault([&] { open_recording(folder_); }).find("there is no frame-000001.pose.txt"), std::string::npos);
   write("frame-000001.pose.txt", "1 0 0 nan\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
-  EXPECT_NE(fault([&] { open_recording(folder_); }).find("frame-000001.pose.txt:1: the number nan is not finite"),
+  EXPECT_NE(input_fault([&] { open_recording(folder_); }).find("frame-000001.pose.txt:1: the number nan is not finite"),
             std::string::npos);
   write("frame-000001.pose.txt", kIdentity);
   const Recording recording = open_recording(folder_);
-  EXPECT_NE(fault([&] {
+  EXPECT_NE(input_fault([&] {
               read_recorded_depth(recording.frames[0], recording.camera, {}, 5);
             }).find("is 320 x 240 pixels, the recording's camera 640 x 480"),
             std::string::npos);
   cv::imwrite((folder_ / "frame-000001.depth.png").string(), cv::Mat(480, 640, CV_8UC1, cv::Scalar(7)));
-  EXPECT_NE(fault([&] { read_recorded_depth(recording.frames[0], recording.camera, {}, 5); }).find("no 16-bit"),
+  EXPECT_NE(input_fault([&] { read_recorded_depth(recording.frames[0], recording.camera, {}, 5); }).find("no 16-bit"),
             std::string::npos);
   write("frame-000001.depth.png", "no image");
-  EXPECT_NE(fault([&] { read_recorded_depth(recording.frames[0], recording.camera, {}, 5); }).find("can't be read"),
-            std::string::npos);
+  EXPECT_NE(
+      input_fault([&] { read_recorded_depth(recording.frames[0], recording.camera, {}, 5); }).find("can't be read"),
+      std::string::npos);
 }
 
 /// Real Kinect depth: every fifth map is kept out and must lie on the map that the others make.

@@ -2,17 +2,16 @@
 
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <sstream>
 
 #include <gtest/gtest.h>
 
-#include "calib/files/input_error.h"
 #include "calib/files/ply.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/message_bus.h"
 #include "offboard/mapping/octomap_io.h"
 #include "offboard/replay.h"
+#include "tests/input_fault.h"
 #include "tests/lcmtypes/sample_depth_map.h"
 
 namespace vantage {
@@ -23,15 +22,6 @@ namespace fs = std::filesystem;
 std::string text_of(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
-}
-
-std::string fault(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
 }
 
 class SessionTest : public testing::Test {
@@ -126,19 +116,19 @@ TEST_F(SessionTest, ARefusedMapLeavesLogAndTablesAlone) {
 TEST_F(SessionTest, BadInputsLeaveNoFolder) {
   const auto start = [&] { Session session(config_, folder_ / "s", false, clock_, terminal_); };
   config_.truth = folder_ / "none.ply";
-  EXPECT_NE(fault(start).find("none.ply"), std::string::npos);
+  EXPECT_NE(input_fault(start).find("none.ply"), std::string::npos);
   config_.truth.clear();
   config_.planning->views = folder_ / "none.txt";
-  EXPECT_NE(fault(start).find("none.txt"), std::string::npos);
+  EXPECT_NE(input_fault(start).find("none.txt"), std::string::npos);
   EXPECT_FALSE(fs::exists(folder_ / "s"));
 }
 
 TEST_F(SessionTest, AnEarlierSessionIsKeptUnlessOverwritten) {
   { Session session(config_, folder_ / "s", false, clock_, terminal_); }
   std::ofstream(folder_ / "s" / "notes.txt") << "mine";
-  EXPECT_NE(fault([&] { Session session(config_, folder_ / "s", false, clock_, terminal_); }).find("--overwrite"),
+  EXPECT_NE(input_fault([&] { Session session(config_, folder_ / "s", false, clock_, terminal_); }).find("--overwrite"),
             std::string::npos);
-  EXPECT_EQ(fault([&] { Session session(config_, folder_ / "s", true, clock_, terminal_); }), "");
+  EXPECT_EQ(input_fault([&] { Session session(config_, folder_ / "s", true, clock_, terminal_); }), "");
   EXPECT_EQ(text_of(folder_ / "s" / "notes.txt"), "mine");
 }
 
@@ -154,16 +144,16 @@ TEST_F(SessionTest, ADamagedLogIsNamedWithItsEvent) {
     writer.write(2, name, bytes);
   };
   with_event(channel::kDepthMap, {1, 2, 3, 4, 5, 6, 7, 8, 9});
-  EXPECT_NE(fault([&] { examine_log(log); }).find("bad.lcm: event 1 (VANTAGE_DEPTH_MAP_1): is of another type"),
+  EXPECT_NE(input_fault([&] { examine_log(log); }).find("bad.lcm: event 1 (VANTAGE_DEPTH_MAP_1): is of another type"),
             std::string::npos);
   depth_map_t nan_pose = pack_depth_map(sample_depth_map());
   nan_pose.position[2] = std::nan("");
   with_event(channel::kDepthMap, encode_message(nan_pose));
-  EXPECT_NE(fault([&] { examine_log(log); }).find("the pose T_world_camera is not finite"), std::string::npos);
+  EXPECT_NE(input_fault([&] { examine_log(log); }).find("the pose T_world_camera is not finite"), std::string::npos);
   session_config_t config{};
   config.yaml = "config_version: 1\nregoin: {}\n";
   with_event(channel::kSessionConfig, encode_message(config));
-  EXPECT_NE(fault([&] { examine_log(log); }).find("regoin: unknown key"), std::string::npos);
+  EXPECT_NE(input_fault([&] { examine_log(log); }).find("regoin: unknown key"), std::string::npos);
 }
 
 TEST(SessionConfig, IsReadBackToTheBit) {
@@ -190,7 +180,7 @@ TEST(SessionConfig, IsReadBackToTheBit) {
 
 TEST(SessionConfig, FaultsNameLineAndKey) {
   const auto message = [](const std::string& text) {
-    return fault([&] { parse_session_config("config_version: 1\n" + text, "c.yaml", ""); });
+    return input_fault([&] { parse_session_config("config_version: 1\n" + text, "c.yaml", ""); });
   };
   EXPECT_EQ(message("plan: true\n"), "");
   EXPECT_NE(message("sensor:\n  hit: 0.1\n").find("c.yaml:3: sensor.hit:"), std::string::npos);
