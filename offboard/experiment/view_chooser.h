@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "offboard/mapping/occupancy_map.h"
+#include "offboard/planning/view_space.h"
+
+namespace vantage {
+
+/// What a method may know when it chooses.
+struct Choice {
+  const OccupancyMap& map;                ///< of all views taken
+  const CameraModel& camera;              ///< of the depth maps
+  std::span<const CandidateView> open;    ///< not visited yet, by id; at least one
+  std::span<const std::int64_t> visited;  ///< ids in order; at least one
+  Eigen::Vector3d position;               ///< of the camera, world, m
+};
+
+/// A way to choose the next view. One object serves one run.
+class ViewChooser {
+ public:
+  virtual ~ViewChooser() = default;
+  /// Element of `choice.open`. The same run gives the same choices on every machine.
+  virtual std::size_t choose(const Choice& choice) = 0;
+};
+
+/// For each candidate (by place, ids as in the scene) which points of the true surface its depth map covers by itself:
+/// bits, 64 a word.
+struct TrueCoverage {
+  std::vector<std::int64_t> view_ids;
+  std::vector<std::vector<std::uint64_t>> covered;  ///< by candidate
+};
+
+/// The eight formulations of the paper by their names (formulation.h), then `random`, `sequential` (by id, round after
+/// round from the first view), `oracle` (the view that covers most of the true surface not yet covered: the upper bound
+/// for choosing one step ahead, without regard to movement), `view_set` (view_set_planner.h).
+const std::vector<std::string>& method_names();
+
+/// True for the paper's eight.
+bool is_paper_method(std::string_view method);
+
+/// Methods of a list; `all` stands for all, `paper` for the paper's eight. In method_names()' order, each once.
+/// \throws InputError for an unknown name, with the names there are, and for an empty list.
+std::vector<std::string> parse_methods(const std::vector<std::string>& names);
+
+/// \pre a name of method_names(). `truth` must outlive the chooser; it is read by the oracle alone.
+std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth);
+
+/// The first view of a run: 0 for seed 1, else picked by the seed. \pre views > 0
+std::int64_t first_view_of_seed(std::uint64_t seed, std::size_t views);
+
+}  // namespace vantage

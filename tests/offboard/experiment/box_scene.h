@@ -1,0 +1,18 @@
+#pragma once
+
+#include "offboard/experiment/experiment_object.h"
+
+namespace vantage {
+
+/// A box on the ground, 0.2 x 0.2 x 0.24 m.
+inline ExperimentObject box_object() {
+  ExperimentObject box{"box", "box.ply", "0123456789abcdef", {}};
+  for (int i = 0; i < 8; ++i) {
+    box.mesh.points.emplace_back((i & 1) ? 0.1F : -0.1F, (i & 2) ? 0.1F : -0.1F, (i & 4) ? 0.24F : 0.0F);
+  }
+  box.mesh.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                        {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 3, 7}, {1, 7, 5}};
+  return box;
+}
+
+}  // namespace vantage

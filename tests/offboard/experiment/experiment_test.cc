@@ -1,0 +1,207 @@
+// One small scene for all: a box, seen from six of the paper's views.
+#include "offboard/experiment/experiment.h"
+
+#include <algorithm>
+#include <atomic>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "calib/files/input_error.h"
+#include "offboard/gain/view_gain.h"
+#include "offboard/planning/planner.h"
+#include "offboard/session/session_config.h"
+#include "offboard/session/surface_coverage.h"
+#include "tests/offboard/experiment/box_scene.h"
+
+namespace vantage {
+namespace {
+
+constexpr std::uint64_t kSeed = 1;
+const std::atomic<bool> kNeverStop = false;
+
+std::vector<CandidateView> six_views() {
+  std::vector<CandidateView> views;
+  for (const CandidateView& view : cylinder_views()) {
+    if (view.id % 16 == 0 || view.id % 16 == 6)
+      views.push_back({static_cast<std::int64_t>(views.size()), view.T_world_camera});
+  }
+  return views;
+}
+
+class BoxScene : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    object_ = new ExperimentObject(box_object());
+    folder_ = new std::filesystem::path(testing::TempDir() + "box_views");
+    std::filesystem::remove_all(*folder_);
+    scene_ = new SceneViews(*object_, six_views(), kSeed, *folder_);
+    ASSERT_TRUE(scene_->prepare(2, kNeverStop, [](int, int) {}));
+    truth_ = new SceneTruth(*measure_scene(*scene_, options(), kNeverStop));
+  }
+  static void TearDownTestSuite() {
+    std::filesystem::remove_all(*folder_);
+    delete truth_;
+    delete scene_;
+    delete folder_;
+    delete object_;
+  }
+  static ExperimentOptions options() {
+    ExperimentOptions options;
+    options.views = 6;
+    options.truth_points = 4000;
+    return options;
+  }
+  static MethodRun run(const std::string& method) {
+    return *run_method(*scene_, *truth_, method, options(), kNeverStop);
+  }
+
+  static inline ExperimentObject* object_ = nullptr;
+  static inline std::filesystem::path* folder_ = nullptr;
+  static inline SceneViews* scene_ = nullptr;
+  static inline SceneTruth* truth_ = nullptr;
+};
+
+TEST_F(BoxScene, ADepthMapFromTheCacheIsTheOneThatWasMade) {
+  SceneViews again(*object_, six_views(), kSeed, *folder_), without(*object_, six_views(), kSeed, {});
+  ASSERT_TRUE(again.prepare(1, kNeverStop, [](int, int) { FAIL() << "a view was made twice"; }));
+  ASSERT_TRUE(without.prepare(1, kNeverStop, [](int, int) {}));
+  for (std::size_t i = 0; i < scene_->candidates().size(); ++i) {
+    for (const SceneViews* other : {&again, &without}) {
+      EXPECT_EQ(scene_->depth_map(i).depth_m, other->depth_map(i).depth_m);
+      EXPECT_EQ(scene_->depth_map(i).sigma_m, other->depth_map(i).sigma_m);
+      EXPECT_EQ(scene_->depth_map(i).state, other->depth_map(i).state);
+    }
+  }
+}
+
+TEST_F(BoxScene, ADamagedFileOfTheCacheIsMadeAgain) {
+  const std::filesystem::path file = *folder_ / "view-002.depth";
+  const auto whole = std::filesystem::file_size(file);
+  std::filesystem::resize_file(file, whole / 2);
+  SceneViews again(*object_, six_views(), kSeed, *folder_);
+  int made = 0;
+  ASSERT_TRUE(again.prepare(2, kNeverStop, [&](int, int missing) { made = missing; }));
+  EXPECT_EQ(made, 1);
+  EXPECT_EQ(std::filesystem::file_size(file), whole);
+}
+
+TEST_F(BoxScene, EveryMethodEndsAtTheReachableCoverageAfterAllViews) {
+  // The cloud keeps the first point of each 2 mm cell, so the order of views moves the share a little.
+  for (const std::string& method : method_names()) {
+    const MethodRun made = run(method);
+    ASSERT_EQ(made.steps.size(), 6U) << method;
+    EXPECT_NEAR(made.steps.back().coverage, truth_->reachable, 0.004) << method;
+    std::set<std::int64_t> visited;
+    double before = 0;
+    for (const MethodStep& step : made.steps) {
+      visited.insert(step.view_id);
+      EXPECT_GE(step.coverage, before) << method;
+      before = step.coverage;
+    }
+    EXPECT_EQ(visited.size(), 6U) << method;
+    EXPECT_EQ(made.steps.front().view_id, 0) << "seed 1 starts at view 0";
+  }
+}
+
+TEST_F(BoxScene, CoverageOfABoxIsWhatItsSeenFacesHold) {
+  // Six views at two azimuths see all but two sides and the bottom at best: 4 sides of 0.048, lid and bottom of 0.04
+  // m2.
+  const double surface = 4 * 0.2 * 0.24 + 2 * 0.04;
+  EXPECT_LT(truth_->reachable, (surface - 0.04) / surface);
+  EXPECT_GT(truth_->reachable, (0.2 * 0.24 + 0.04) / surface * 0.9);
+}
+
+TEST_F(BoxScene, MotionIsThePolygonThroughTheViews) {
+  const MethodRun made = run("random");
+  double length = 0;
+  for (std::size_t i = 1; i < made.steps.size(); ++i) {
+    const auto at = [&](std::size_t step) {
+      return six_views()[static_cast<std::size_t>(made.steps[step].view_id)].T_world_camera.translation();
+    };
+    length += (at(i) - at(i - 1)).norm();
+    EXPECT_NEAR(made.steps[i].motion_m, length, 1e-12);
+  }
+}
+
+TEST_F(BoxScene, AFormulationsRunIsThePlannersOfTheSession) {
+  for (const Formulation formulation : {Formulation::kOcclusionAware, Formulation::kCombined}) {
+    const SessionConfig session;
+    Volume volume(session.region, session.sensor);
+    const auto gain = [&](const OccupancyMap& map, const CameraModel& camera,
+                          const std::vector<Eigen::Isometry3d>& poses) {
+      std::vector<double> gains;
+      for (const ViewGain& view : evaluate_views(map, RayBundle(camera, 80, 60), poses))
+        gains.push_back(view[formulation]);
+      return gains;
+    };
+    Planner planner(volume, six_views(), gain, {.first_view = 0, .most_views = 6});
+    std::vector<std::int64_t> planned;
+    while (planner.goal()) {
+      planned.push_back(planner.goal()->id);
+      std::string why;
+      ASSERT_TRUE(planner.take(scene_->depth_map(static_cast<std::size_t>(planner.goal()->id)), &why)) << why;
+    }
+    std::vector<std::int64_t> ran;
+    for (const MethodStep& step : run(std::string(name_of(formulation))).steps) ran.push_back(step.view_id);
+    EXPECT_EQ(ran, planned);
+  }
+}
+
+TEST_F(BoxScene, TheOraclesSecondViewCoversMost) {
+  std::vector<double> after_two;
+  for (std::size_t second = 1; second < 6; ++second) {
+    const SessionConfig session;
+    SurfaceCloud cloud(session.region, session.cloud);
+    SurfaceCoverage coverage(truth_->surface);
+    coverage.add(cloud.add(scene_->depth_map(0)));
+    coverage.add(cloud.add(scene_->depth_map(second)));
+    after_two.push_back(coverage.share());
+  }
+  EXPECT_NEAR(run("oracle").steps[1].coverage, *std::max_element(after_two.begin(), after_two.end()), 0.004);
+}
+
+TEST_F(BoxScene, AStoppedRunLeavesNothing) {
+  const std::atomic<bool> stop = true;
+  EXPECT_FALSE(run_method(*scene_, *truth_, "sequential", options(), stop));
+  EXPECT_FALSE(measure_scene(*scene_, options(), stop));
+}
+
+TEST(Area, IsTheMeanCoverageOfViews2To12) {
+  MethodRun run;
+  for (std::int64_t i = 1; i <= 20; ++i) {
+    MethodStep step;
+    step.step = i;
+    step.coverage = static_cast<double>(i) / 100;
+    run.steps.push_back(step);
+  }
+  EXPECT_NEAR(area_2_12(run), 0.07, 1e-12);  // the mean of 2 to 12 is 7
+  run.steps.resize(1);
+  EXPECT_EQ(area_2_12(run), 0);
+}
+
+TEST(Shards, TogetherHoldEachRunOnce) {
+  std::vector<ExperimentObject> objects{box_object()};
+  const std::vector<RunKey> all = list_runs(objects, {"random", "sequential", "oracle"}, 7);
+  ASSERT_EQ(all.size(), 21U);
+  for (int count = 1; count <= 25; ++count) {
+    std::vector<RunKey> together;
+    for (int i = 1; i <= count; ++i) {
+      const std::vector<RunKey> part = shard_of(all, {i, count});
+      together.insert(together.end(), part.begin(), part.end());
+      EXPECT_LE(part.size(), all.size() / static_cast<std::size_t>(count) + 1);
+    }
+    EXPECT_EQ(together, all) << count << " shards";
+  }
+}
+
+TEST(Shards, AreGivenAsIOfN) {
+  EXPECT_EQ(Shard::parse("2/8").index, 2);
+  EXPECT_EQ(Shard::parse("2/8").count, 8);
+  for (const char* wrong : {"", "0/3", "4/3", "2", "2/", "/2", "2/3x", "a/b", "-1/3", "1/0"}) {
+    EXPECT_THROW(Shard::parse(wrong), InputError) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace vantage
