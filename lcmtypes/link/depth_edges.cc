@@ -41,18 +41,14 @@ void mark_depth_edges(DepthMap* map, const DepthEdgeOptions& options) {
     inverse[i] = measured ? 1 / map->depth_m[i] : 0;
   }
   std::vector<std::uint8_t> edge(inverse.size()), along_rows(inverse.size());
-  for (int v = 0; v < height; ++v)
-    mark_steps(&inverse[static_cast<std::size_t>(v * width)], &edge[static_cast<std::size_t>(v * width)], width, 1,
-               options);
-  for (int u = 0; u < width; ++u)
-    mark_steps(&inverse[static_cast<std::size_t>(u)], &edge[static_cast<std::size_t>(u)], height, width, options);
-  for (int v = 0; v < height; ++v) {
-    const auto row = static_cast<std::size_t>(v * width);
-    widen(&edge[row], &along_rows[row], width, 1, options.radius_px);
+  const auto row_start = [width](int v) { return static_cast<std::size_t>(v) * static_cast<std::size_t>(width); };
+  for (int v = 0; v < height; ++v) mark_steps(&inverse[row_start(v)], &edge[row_start(v)], width, 1, options);
+  for (std::size_t u = 0; u < static_cast<std::size_t>(width); ++u) {
+    mark_steps(&inverse[u], &edge[u], height, width, options);
   }
-  for (int u = 0; u < width; ++u) {
-    const auto column = static_cast<std::size_t>(u);
-    widen(&along_rows[column], &edge[column], height, width, options.radius_px);
+  for (int v = 0; v < height; ++v) widen(&edge[row_start(v)], &along_rows[row_start(v)], width, 1, options.radius_px);
+  for (std::size_t u = 0; u < static_cast<std::size_t>(width); ++u) {
+    widen(&along_rows[u], &edge[u], height, width, options.radius_px);
   }
   for (std::size_t i = 0; i < edge.size(); ++i) {
     if (edge[i] != 0 && map->state[i] == DepthState::kConverged) map->state[i] = DepthState::kEdge;

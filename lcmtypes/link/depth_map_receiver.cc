@@ -43,11 +43,8 @@ void DepthMapReceiver::on_manifest(const depth_map_manifest_t& manifest) {
   if (parcel_ && std::memcmp(parcel_->manifest.digest, manifest.digest, sizeof manifest.digest) == 0) {
     return send_receipt(manifest, false);  // the sender asks: it has sent all it thinks we lack
   }
-  parcel_.emplace();
-  parcel_->manifest = manifest;
-  parcel_->bytes.resize(static_cast<std::size_t>(manifest.bytes));
-  parcel_->have.resize(static_cast<std::size_t>(manifest.chunks));
-  parcel_->missing = manifest.chunks;
+  parcel_ = Parcel{manifest, std::vector<std::uint8_t>(static_cast<std::size_t>(manifest.bytes)),
+                   std::vector<bool>(static_cast<std::size_t>(manifest.chunks)), manifest.chunks};
   last_receipt_ = clock_.monotonic();
 }
 

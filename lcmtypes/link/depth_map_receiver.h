@@ -50,7 +50,7 @@ class DepthMapReceiver {
     depth_map_manifest_t manifest;
     std::vector<std::uint8_t> bytes;
     std::vector<bool> have;
-    std::int32_t missing = 0;
+    std::int32_t missing;
   };
   using MapKey = std::pair<std::int64_t, std::int64_t>;  // session, map id
 

@@ -1,5 +1,6 @@
 #include "offboard/session/session.h"
 
+#include <cmath>
 #include <ostream>
 
 #include <fmt/format.h>
@@ -54,7 +55,7 @@ std::ofstream open_table(const std::filesystem::path& path, const char* columns)
 }
 
 std::string minutes(double seconds) {
-  const auto whole = static_cast<std::int64_t>(seconds + 0.5);
+  const auto whole = std::llround(seconds);
   return fmt::format("{}:{:02}", whole / 60, whole % 60);
 }
 
