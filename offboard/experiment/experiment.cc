@@ -131,15 +131,19 @@ bool run_experiment(const std::vector<ExperimentObject>& objects, const std::vec
   if (open < runs.size()) terminal << runs.size() - open << " of " << runs.size() << " runs are finished" << std::endl;
 
   const std::vector<CandidateView> candidates = cylinder_views();
-  const auto views = static_cast<double>(candidates.size());
-  Progress progress(static_cast<double>(scenes.size()) * views + kRunCost * static_cast<double>(open), terminal);
+  double work = kRunCost * static_cast<double>(open);
+  for (const Scene& scene : scenes) {
+    const SceneViews views(*scene.object, candidates, scene.seed, store.views_of(scene.object->name, scene.seed));
+    work += static_cast<double>(views.files_missing());
+  }
+  Progress progress(work, terminal);
   bool whole = true;
   for (const Scene& scene : scenes) {
     if (stop) return false;
     SceneViews scene_views(*scene.object, candidates, scene.seed, store.views_of(scene.object->name, scene.seed));
     int told = 0;
     const bool ready = scene_views.prepare(threads, stop, [&](int done, int missing) {
-      progress.add(views / missing);
+      progress.add(1);
       if (done < missing && done - told < 12) return;
       told = done;
       progress.say(fmt::format("{} seed {}: {} of {} views", scene.object->name, scene.seed, done, missing));

@@ -1,5 +1,6 @@
 // vantage-experiment: the paper's simulated evaluation in one process. docs/experiment.md.
 
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <exception>
@@ -12,6 +13,7 @@
 
 #include "calib/files/input_error.h"
 #include "offboard/experiment/experiment.h"
+#include "offboard/experiment/report.h"
 
 namespace vantage {
 namespace {
@@ -40,7 +42,8 @@ StoreStart start_of(const Arguments& arguments) {
 void finish(const RunStore& store) {
   const std::vector<MethodRun> runs = store.read();
   write_tables(store.folder(), runs);
-  std::cout << runs.size() << " runs in " << store.folder().string() << "/summary.csv" << std::endl;
+  write_report(store, runs);
+  std::cout << runs.size() << " runs: " << store.folder().string() << "/summary.csv, report.html" << std::endl;
 }
 
 int run(const Arguments& arguments) {

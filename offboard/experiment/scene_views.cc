@@ -71,6 +71,12 @@ std::filesystem::path SceneViews::file_of(std::size_t candidate) const {
   return folder_ / fmt::format("view-{:03}.depth", candidates_[candidate].id);
 }
 
+std::size_t SceneViews::files_missing() const {
+  std::size_t missing = 0;
+  for (std::size_t i = 0; i < candidates_.size(); ++i) missing += !std::filesystem::exists(file_of(i));
+  return missing;
+}
+
 /// Takes a view from its file, if that holds this view.
 bool SceneViews::load(std::size_t candidate) {
   if (folder_.empty()) return false;

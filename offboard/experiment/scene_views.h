@@ -31,6 +31,9 @@ class SceneViews {
   /// done. False when `stop` was set before the end. \throws InputError when a file can't be written.
   bool prepare(int threads, const std::atomic<bool>& stop, const std::function<void(int done, int missing)>& made);
 
+  /// Views that have no file in the folder.
+  std::size_t files_missing() const;
+
   const std::vector<CandidateView>& candidates() const { return candidates_; }
   /// Depth map of the candidate at a place in candidates(). For any number of threads. \pre prepare() was true
   DepthMap depth_map(std::size_t candidate) const;

@@ -1,0 +1,173 @@
+#include "offboard/experiment/report.h"
+
+#include <algorithm>
+#include <array>
+
+#include <fmt/format.h>
+
+#include "calib/files/atomic_file.h"
+#include "calib/files/input_error.h"
+#include "offboard/experiment/statements.h"
+#include "offboard/experiment/svg_plot.h"
+
+namespace vantage {
+namespace {
+
+struct Pen {
+  const char* colour;
+  double width;
+  bool dashed;
+};
+
+/// By place in method_names(): the paper's in colours, what they are measured by in grey and black, ours bold.
+constexpr std::array<Pen, 12> kPens = {{{"#1f77b4", 1.5, false},
+                                        {"#17becf", 1.5, false},
+                                        {"#2ca02c", 1.5, false},
+                                        {"#9acd32", 1.5, false},
+                                        {"#ff7f0e", 1.5, false},
+                                        {"#9467bd", 1.5, false},
+                                        {"#8c564b", 1.5, false},
+                                        {"#e377c2", 1.5, false},
+                                        {"#888888", 1.5, true},
+                                        {"#bbbbbb", 1.5, true},
+                                        {"#000000", 1.8, true},
+                                        {"#d62728", 3.0, false}}};
+
+struct Measure {
+  const char* name;  // of the file
+  const char* title;
+  const char* axis;
+  double MethodStep::*value;
+};
+constexpr std::array<Measure, 3> kMeasures = {
+    {{"coverage", "surface coverage (8 mm)", "share of the true surface", &MethodStep::coverage},
+     {"entropy", "entropy of the map", "nats", &MethodStep::entropy_nats},
+     {"motion", "motion", "over the longest way of any method", &MethodStep::motion_m}}};
+
+/// The mean over seeds of one method's runs, as far as all of them go.
+PlotCurve curve_of(const std::vector<const MethodRun*>& runs, double MethodStep::*value, double scale) {
+  PlotCurve curve;
+  std::size_t steps = runs.front()->steps.size();
+  for (const MethodRun* run : runs) steps = std::min(steps, run->steps.size());
+  for (std::size_t i = 0; i < steps; ++i) {
+    double sum = 0, low = runs.front()->steps[i].*value, high = low;
+    for (const MethodRun* run : runs) {
+      const double y = run->steps[i].*value;
+      sum += y;
+      low = std::min(low, y);
+      high = std::max(high, y);
+    }
+    curve.x.push_back(static_cast<double>(i + 1));
+    curve.mean.push_back(scale * sum / static_cast<double>(runs.size()));
+    curve.low.push_back(scale * low);
+    curve.high.push_back(scale * high);
+  }
+  return curve;
+}
+
+Plot plot_of(const std::vector<MethodRun>& runs, const std::string& object, const Measure& measure) {
+  Plot plot{object + ": " + measure.title, "views", measure.axis, {}};
+  double scale = 1, reachable = 0;
+  int count = 0;
+  if (measure.value == &MethodStep::motion_m) {
+    double longest = 0;
+    for (const MethodRun& run : runs) {
+      if (run.object == object) longest = std::max(longest, run.steps.back().motion_m);
+    }
+    if (longest > 0) scale = 1 / longest;
+  }
+  for (std::size_t m = 0; m < method_names().size(); ++m) {
+    std::vector<const MethodRun*> of_method;
+    for (const MethodRun& run : runs) {
+      if (run.object != object || run.method != method_names()[m]) continue;
+      of_method.push_back(&run);
+      reachable += run.reachable;
+      ++count;
+    }
+    if (of_method.empty()) continue;
+    PlotCurve curve = curve_of(of_method, measure.value, scale);
+    curve.name = method_names()[m];
+    curve.colour = kPens[m].colour;
+    curve.width = kPens[m].width;
+    curve.dashed = kPens[m].dashed;
+    plot.curves.push_back(std::move(curve));
+  }
+  if (measure.value == &MethodStep::coverage && count > 0 && !plot.curves.empty()) {
+    const std::vector<double>& x = plot.curves.front().x;
+    const std::vector<double> level(2, reachable / count);
+    plot.curves.push_back({"reachable (all views)", "#444444", 1, true, {x.front(), x.back()}, level, level, level});
+  }
+  return plot;
+}
+
+std::string verdict_list(const std::vector<Verdict>& verdicts) {
+  std::string html = "<ul class=\"verdicts\">\n";
+  for (const Verdict& verdict : verdicts) {
+    html += fmt::format("<li class=\"{}\"><b>{}</b> {}: {} &mdash; {}</li>\n", verdict.holds ? "yes" : "no",
+                        verdict.holds ? "holds" : "does not hold", escaped(verdict.object), escaped(verdict.statement),
+                        escaped(verdict.by_how_much));
+  }
+  return html + "</ul>\n";
+}
+
+std::string means_table(const std::vector<MethodRun>& runs, const std::string& object) {
+  std::string html =
+      "<table><tr><th>method</th><th>area, views 2&ndash;12</th><th>least &ndash; largest</th><th>coverage at the "
+      "end</th>"
+      "<th>mean entropy, views 2&ndash;12 (nats)</th><th>way (m)</th><th>seeds</th></tr>\n";
+  std::vector<MethodMeans> means = means_of(runs, object);
+  std::stable_sort(means.begin(), means.end(),
+                   [](const MethodMeans& a, const MethodMeans& b) { return a.area_2_12 > b.area_2_12; });
+  for (const MethodMeans& m : means) {
+    html += fmt::format(
+        "<tr><td>{}</td><td>{:.3f}</td><td>{:.3f} &ndash; {:.3f}</td><td>{:.3f}</td><td>{:.0f}</td><td>{:.2f}</td>"
+        "<td>{}</td></tr>\n",
+        escaped(m.method), m.area_2_12, m.area_low, m.area_high, m.coverage_final, m.entropy_2_12, m.motion_m, m.seeds);
+  }
+  return html + "</table>\n";
+}
+
+constexpr const char* kHead =
+    "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>vantage-experiment</title>\n<style>\n"
+    "body{font:15px/1.45 sans-serif;max-width:1560px;margin:24px auto;padding:0 16px;color:#222}\n"
+    "table{border-collapse:collapse;margin:8px 0 16px}td,th{padding:3px 12px;border-bottom:1px solid #ddd;"
+    "text-align:right}\ntd:first-child,th:first-child{text-align:left}\n"
+    ".plots{display:flex;flex-wrap:wrap;gap:8px}.verdicts{list-style:none;padding:0}.verdicts li{padding:2px 0}\n"
+    ".yes b{color:#187a2f}.no b{color:#b3261e}\n</style></head><body>\n";
+
+}  // namespace
+
+void write_report(const RunStore& store, const std::vector<MethodRun>& runs) {
+  std::error_code error;
+  std::filesystem::create_directories(store.folder() / "plots", error);
+  if (error) throw InputError((store.folder() / "plots").string() + ": can't be made: " + error.message());
+  std::vector<std::string> objects;
+  for (const StoreSettings::Object& object : store.settings().objects) {
+    if (std::any_of(runs.begin(), runs.end(), [&](const MethodRun& run) { return run.object == object.name; })) {
+      objects.push_back(object.name);
+    }
+  }
+  std::string html = kHead;
+  html += fmt::format(
+      "<h1>Ways to choose the next view</h1>\n<p>{} runs of {} views. Curves are means over the seeds "
+      "(noise, texture, first view); bands go from the least to the largest.</p>\n",
+      runs.size(), store.settings().views);
+  html += "<h2>Held against the paper's statements, and ours</h2>\n" + verdict_list(judge_statements(runs, objects));
+  for (const std::string& object : objects) {
+    html += "<h2>" + escaped(object) + "</h2>\n" + means_table(runs, object) + "<div class=\"plots\">\n";
+    for (const Measure& measure : kMeasures) {
+      const std::string svg = svg_of(plot_of(runs, object, measure));
+      AtomicFile file(store.folder() / "plots" / fmt::format("{}-{}.svg", object, measure.name));
+      file.stream() << svg;
+      file.commit();
+      html += svg;
+    }
+    html += "</div>\n";
+  }
+  html += "</body></html>\n";
+  AtomicFile file(store.folder() / "report.html");
+  file.stream() << html;
+  file.commit();
+}
+
+}  // namespace vantage

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "offboard/experiment/method_run.h"
+
+namespace vantage {
+
+/// Means of a method's runs on one object.
+struct MethodMeans {
+  std::string method;
+  double area_2_12 = 0, area_low = 0, area_high = 0;  ///< mean, least and largest of the seeds
+  double coverage_final = 0, entropy_2_12 = 0, motion_m = 0, reachable = 0;
+  int seeds = 0;
+};
+
+/// By method_names()' order; those without a run on the object are left out.
+std::vector<MethodMeans> means_of(const std::vector<MethodRun>& runs, const std::string& object);
+
+/// A statement held against the runs on one object.
+struct Verdict {
+  std::string statement, object;
+  bool holds = false;
+  std::string by_how_much;  ///< the two methods that decide it, and their values
+};
+
+/// The paper's statements (paper.md, "outcome to hold against") and ours on view_set, by object. A statement whose
+/// methods did not all run is left out; so is an object without runs.
+std::vector<Verdict> judge_statements(const std::vector<MethodRun>& runs, const std::vector<std::string>& objects);
+
+}  // namespace vantage
