@@ -1,7 +1,9 @@
 #include "offboard/session/session.h"
 
+#include <algorithm>
 #include <cmath>
 #include <ostream>
+#include <thread>
 
 #include <fmt/format.h>
 #include <vantage/session_config_t.hpp>
@@ -18,7 +20,8 @@
 namespace vantage {
 namespace {
 
-constexpr int kGainThreads = 2;  // the result does not depend on it
+/// As many as the machine has cores, within reason. The gains do not depend on it.
+int gain_threads() { return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 16); }
 
 std::vector<CandidateView> candidates_of(const PlanningConfig& planning) {
   return planning.views.empty() ? cylinder_views() : read_views(planning.views);
@@ -27,7 +30,7 @@ std::vector<CandidateView> candidates_of(const PlanningConfig& planning) {
 GainFunction gain_function(const PlanningConfig& planning) {
   return [planning](const OccupancyMap& map, const CameraModel& camera, const std::vector<Eigen::Isometry3d>& poses) {
     GainOptions options;
-    options.threads = kGainThreads;
+    options.threads = gain_threads();
     const RayBundle rays(camera, planning.ray_columns, planning.ray_rows);
     std::vector<double> gains;
     for (const ViewGain& view : evaluate_views(map, rays, poses, options)) gains.push_back(view[planning.gain]);
