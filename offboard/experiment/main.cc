@@ -52,6 +52,7 @@ int run(const Arguments& arguments) {
   const std::vector<ExperimentObject> objects = load_objects(arguments.objects, arguments.models);
   StoreSettings settings;
   settings.views = arguments.options.views;
+  settings.cost_weight = arguments.options.cost_weight;
   for (const ExperimentObject& object : objects) settings.objects.push_back({object.name, object.digest});
   const RunStore store(arguments.out, settings, start_of(arguments));
 
@@ -99,6 +100,10 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   run_command->add_option("--seeds", arguments.seeds, "seeds 1 to K, of noise, texture and first view")
       ->check(CLI::Range(1, 10'000))
+      ->capture_default_str();
+  run_command
+      ->add_option("--cost-weight", arguments.options.cost_weight, "of movement in Eq. 11, for the paper's methods")
+      ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   run_command->add_option("--shard", arguments.shard, "the i-th of n parts, i/n")->capture_default_str();
   run_command->add_option("--threads", arguments.threads, "0: one a core; does not change the result")

@@ -86,7 +86,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
   Volume volume(session.region, session.sensor);
   SurfaceCloud cloud(session.region, session.cloud);
   SurfaceCoverage coverage(truth.surface, options.coverage_distance_m);
-  const std::unique_ptr<ViewChooser> chooser = make_chooser(method, scene.seed(), truth.by_view);
+  const std::unique_ptr<ViewChooser> chooser = make_chooser(method, scene.seed(), truth.by_view, options.cost_weight);
   std::vector<CandidateView> open = scene.candidates();
   std::vector<std::int64_t> visited;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();

@@ -14,6 +14,7 @@ namespace vantage {
 /// What is compared, and how; the paper's numbers (paper.md, Section IV-A).
 struct ExperimentOptions {
   int views = 20;                      ///< of a run, the first included
+  double cost_weight = 1;              ///< of Eq. 11, for the paper's methods (view_chooser.h)
   double coverage_distance_m = 0.008;  ///< Eq. 14
   std::size_t truth_points = 50'000;
 };

@@ -149,9 +149,9 @@ void write_report(const RunStore& store, const std::vector<MethodRun>& runs) {
   }
   std::string html = kHead;
   html += fmt::format(
-      "<h1>Ways to choose the next view</h1>\n<p>{} runs of {} views. Curves are means over the seeds "
+      "<h1>Ways to choose the next view</h1>\n<p>{} runs of {} views, cost weight {}. Curves are means over the seeds "
       "(noise, texture, first view); bands go from the least to the largest.</p>\n",
-      runs.size(), store.settings().views);
+      runs.size(), store.settings().views, store.settings().cost_weight);
   html += "<h2>Held against the paper's statements, and ours</h2>\n" + verdict_list(judge_statements(runs, objects));
   for (const std::string& object : objects) {
     html += "<h2>" + escaped(object) + "</h2>\n" + means_table(runs, object) + "<div class=\"plots\">\n";

@@ -42,6 +42,8 @@ StoreSettings read_settings(const std::filesystem::path& file) {
     const std::vector<std::string> words = split(line, ' ');
     if (words.size() == 2 && words[0] == "views") {
       good = parse(words[1], &settings.views);
+    } else if (words.size() == 2 && words[0] == "cost_weight") {
+      good = parse(words[1], &settings.cost_weight);
     } else if (words.size() == 3 && words[0] == "object") {
       settings.objects.push_back({words[1], words[2]});
     } else {
@@ -57,6 +59,10 @@ void add_settings(const std::string& where, const StoreSettings& more, StoreSett
   if (more.views != settings->views) {
     throw InputError(fmt::format("{}: runs of {} views can't stand beside runs of {}; use another folder", where,
                                  more.views, settings->views));
+  }
+  if (more.cost_weight != settings->cost_weight) {
+    throw InputError(fmt::format("{}: runs with cost weight {} can't stand beside runs with {}; use another folder",
+                                 where, more.cost_weight, settings->cost_weight));
   }
   for (const StoreSettings::Object& object : more.objects) {
     const auto same = std::find_if(settings->objects.begin(), settings->objects.end(),
@@ -132,7 +138,8 @@ RunStore::RunStore(std::filesystem::path folder)
 
 void RunStore::write_settings() const {
   AtomicFile file(folder_ / kSettingsFile);
-  file.stream() << "vantage-experiment 1\nviews " << settings_.views << '\n';
+  file.stream() << "vantage-experiment 1\nviews " << settings_.views
+                << fmt::format("\ncost_weight {}\n", settings_.cost_weight);
   for (const StoreSettings::Object& object : settings_.objects) {
     file.stream() << "object " << object.name << ' ' << object.digest << '\n';
   }

@@ -20,6 +20,7 @@ struct RunKey {
 /// What all runs of a folder have in common; runs made otherwise are not put beside them.
 struct StoreSettings {
   int views = 20;
+  double cost_weight = 1;
   struct Object {
     std::string name, digest;
     bool operator==(const Object&) const = default;

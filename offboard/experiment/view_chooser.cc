@@ -33,7 +33,7 @@ double distance(const Choice& choice, std::size_t i) {
 /// The paper's decision: Eqs. 11 and 12 over one formulation.
 class GainChooser : public ViewChooser {
  public:
-  explicit GainChooser(Formulation formulation) : formulation_(formulation) {}
+  GainChooser(Formulation formulation, double cost_weight) : formulation_(formulation), cost_weight_(cost_weight) {}
 
   std::size_t choose(const Choice& choice) override {
     const RayBundle rays(choice.camera, kRayColumns, kRayRows);
@@ -45,11 +45,17 @@ class GainChooser : public ViewChooser {
       scores.push_back({choice.open[i].id, gains[i][formulation_], distance(choice, i), 0});
     }
     compute_utilities(&scores);
+    double costs = 0;
+    for (const ScoredView& view : scores) costs += view.cost;
+    if (cost_weight_ != 1 && costs > 0) {
+      for (ScoredView& view : scores) view.utility += (1 - cost_weight_) * view.cost / costs;
+    }
     return *next_best_view(scores);
   }
 
  private:
   Formulation formulation_;
+  double cost_weight_;
 };
 
 class RandomChooser : public ViewChooser {
@@ -140,12 +146,13 @@ std::vector<std::string> parse_methods(const std::vector<std::string>& names) {
   return chosen;
 }
 
-std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth) {
+std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth,
+                                          double cost_weight) {
   if (method == "random") return std::make_unique<RandomChooser>(seed);
   if (method == "sequential") return std::make_unique<SequentialChooser>();
   if (method == "oracle") return std::make_unique<OracleChooser>(truth);
   if (method == "view_set") return std::make_unique<ViewSetPlanner>();
-  return std::make_unique<GainChooser>(parse_formulation(method).value());
+  return std::make_unique<GainChooser>(parse_formulation(method).value(), cost_weight);
 }
 
 std::int64_t first_view_of_seed(std::uint64_t seed, std::size_t views) {

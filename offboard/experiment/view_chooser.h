@@ -48,8 +48,10 @@ bool is_paper_method(std::string_view method);
 /// \throws InputError for an unknown name, with the names there are, and for an empty list.
 std::vector<std::string> parse_methods(const std::vector<std::string>& names);
 
-/// \pre a name of method_names(). `truth` must outlive the chooser; it is read by the oracle alone.
-std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth);
+/// \pre a name of method_names(). `truth` must outlive the chooser; it is read by the oracle alone. `cost_weight`, >=
+/// 0, multiplies the second term of Eq. 11 for the paper's eight: 1 as published, 0 choosing by gain alone.
+std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth,
+                                          double cost_weight = 1);
 
 /// The first view of a run: 0 for seed 1, else picked by the seed. \pre views > 0
 std::int64_t first_view_of_seed(std::uint64_t seed, std::size_t views);

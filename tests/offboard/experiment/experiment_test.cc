@@ -148,6 +148,24 @@ TEST_F(BoxScene, AFormulationsRunIsThePlannersOfTheSession) {
   }
 }
 
+TEST_F(BoxScene, WithoutCostAFormulationGoesToTheLargestGain) {
+  ExperimentOptions by_gain = options();
+  by_gain.cost_weight = 0;
+  const MethodRun made = *run_method(*scene_, *truth_, "occlusion_aware", by_gain, kNeverStop);
+  const SessionConfig session;
+  Volume volume(session.region, session.sensor);
+  const DepthMap first = scene_->depth_map(0);
+  ASSERT_TRUE(volume.integrate(first).ok);
+  std::vector<Eigen::Isometry3d> poses;
+  for (const CandidateView& view : six_views()) poses.push_back(view.T_world_camera);
+  const std::vector<ViewGain> gains = evaluate_views(volume.map(), RayBundle(first.camera, 80, 60), poses);
+  std::size_t best = 1;
+  for (std::size_t i = 2; i < gains.size(); ++i) {
+    if (gains[i][Formulation::kOcclusionAware] > gains[best][Formulation::kOcclusionAware]) best = i;
+  }
+  EXPECT_EQ(made.steps[1].view_id, static_cast<std::int64_t>(best));
+}
+
 TEST_F(BoxScene, TheOraclesSecondViewCoversMost) {
   std::vector<double> after_two;
   for (std::size_t second = 1; second < 6; ++second) {

@@ -94,7 +94,7 @@ TEST(Means, AreOverSeeds) {
 TEST(Report, NeedsNoOtherFile) {
   const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "report_test";
   std::filesystem::remove_all(folder);
-  const RunStore store(folder, {12, {{"box", "00"}}}, StoreStart::kNew);
+  const RunStore store(folder, {12, 1, {{"box", "00"}}}, StoreStart::kNew);
   write_report(store, as_the_paper_says());
   std::ifstream file(folder / "report.html");
   const std::string html{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};

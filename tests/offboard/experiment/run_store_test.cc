@@ -36,7 +36,7 @@ class Store : public testing::Test {
   void TearDown() override { std::filesystem::remove_all(root_); }
 
   std::filesystem::path root_ = std::filesystem::path(testing::TempDir()) / "run_store_test";
-  StoreSettings settings_{3, {{"box", "0123"}}};
+  StoreSettings settings_{3, 1, {{"box", "0123"}}};
 };
 
 TEST_F(Store, SummaryHoldsWhatAHandCalculationGives) {
@@ -80,9 +80,10 @@ TEST_F(Store, AFolderWithOtherFilesIsLeftAlone) {
 
 TEST_F(Store, RunsMadeOtherwiseAreNotPutBesideEachOther) {
   { const RunStore store(root_, settings_, StoreStart::kNew); }
-  EXPECT_THROW(RunStore(root_, {4, {{"box", "0123"}}}, StoreStart::kResume), InputError);
-  EXPECT_THROW(RunStore(root_, {3, {{"box", "4567"}}}, StoreStart::kResume), InputError);
-  EXPECT_EQ(RunStore(root_, {3, {{"ball", "89"}}}, StoreStart::kResume).settings().objects.size(), 2U);
+  EXPECT_THROW(RunStore(root_, {4, 1, {{"box", "0123"}}}, StoreStart::kResume), InputError);
+  EXPECT_THROW(RunStore(root_, {3, 1, {{"box", "4567"}}}, StoreStart::kResume), InputError);
+  EXPECT_THROW(RunStore(root_, {3, 0, {{"box", "0123"}}}, StoreStart::kResume), InputError);
+  EXPECT_EQ(RunStore(root_, {3, 1, {{"ball", "89"}}}, StoreStart::kResume).settings().objects.size(), 2U);
 }
 
 TEST_F(Store, AHalfWrittenRunIsNone) {
