@@ -128,9 +128,11 @@ RunStore::RunStore(std::filesystem::path folder, const StoreSettings& settings, 
     settings_ = read_settings(folder_ / kSettingsFile);
     add_settings(folder_.string(), settings, &settings_);
   }
-  std::filesystem::create_directories(folder_ / "runs", error);
+  std::filesystem::create_directories(folder_, error);
   if (error) throw InputError(folder_.string() + ": can't be made: " + error.message());
-  write_settings();
+  write_settings();  // first of all: by this file the folder is known, should the program be killed
+  std::filesystem::create_directories(folder_ / "runs", error);
+  if (error) throw InputError((folder_ / "runs").string() + ": can't be made: " + error.message());
 }
 
 RunStore::RunStore(std::filesystem::path folder)
