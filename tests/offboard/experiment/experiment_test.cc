@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <atomic>
 #include <set>
+#include <string>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "calib/files/input_error.h"
 #include "offboard/gain/view_gain.h"
@@ -33,7 +35,7 @@ class BoxScene : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     object_ = new ExperimentObject(box_object());
-    folder_ = new std::filesystem::path(testing::TempDir() + "box_views");
+    folder_ = new std::filesystem::path(testing::TempDir() + "box_views-" + std::to_string(::getpid()));
     std::filesystem::remove_all(*folder_);
     scene_ = new SceneViews(*object_, six_views(), kSeed, *folder_);
     ASSERT_TRUE(scene_->prepare(2, kNeverStop, [](int, int) {}));

@@ -2,8 +2,10 @@
 
 #include <fstream>
 #include <iterator>
+#include <string>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "offboard/experiment/statements.h"
 #include "offboard/experiment/svg_plot.h"
@@ -92,7 +94,8 @@ TEST(Means, AreOverSeeds) {
 }
 
 TEST(Report, NeedsNoOtherFile) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "report_test";
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("report_test-" + std::to_string(::getpid()));
   std::filesystem::remove_all(folder);
   const RunStore store(folder, {12, 1, {{"box", "00"}}}, StoreStart::kNew);
   write_report(store, as_the_paper_says());

@@ -2,8 +2,10 @@
 
 #include <fstream>
 #include <iterator>
+#include <string>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "calib/files/input_error.h"
 
@@ -35,7 +37,8 @@ class Store : public testing::Test {
   void SetUp() override { std::filesystem::remove_all(root_); }
   void TearDown() override { std::filesystem::remove_all(root_); }
 
-  std::filesystem::path root_ = std::filesystem::path(testing::TempDir()) / "run_store_test";
+  std::filesystem::path root_ =
+      std::filesystem::path(testing::TempDir()) / ("run_store_test-" + std::to_string(::getpid()));
   StoreSettings settings_{3, 1, {{"box", "0123"}}};
 };
 
