@@ -15,8 +15,8 @@
 
 #include "calib/files/input_error.h"
 #include "calib/files/ply.h"
+#include "calib/look_at.h"
 #include "calib/program.h"
-#include "drivers/sim/look_at.h"
 #include "drivers/sim/mesh.h"
 #include "drivers/sim/server.h"
 #include "drivers/sim/snapshot.h"

@@ -4,19 +4,9 @@
 
 #include "calib/files/input_error.h"
 #include "calib/files/trajectory.h"
+#include "calib/look_at.h"
 
 namespace vantage {
-
-Eigen::Isometry3d facing(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
-  constexpr double kVertical = 1e-9;
-  const Eigen::Vector3d z = (target - eye).normalized();
-  Eigen::Vector3d x = z.cross(Eigen::Vector3d::UnitZ());
-  x = x.norm() < kVertical ? Eigen::Vector3d(0, -1, 0) : x.normalized();
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  pose.linear() << x, z.cross(x), z;
-  pose.translation() = eye;
-  return pose;
-}
 
 std::vector<CandidateView> cylinder_views(const CylinderViewsOptions& options) {
   const Eigen::Vector3d target = options.axis_foot + options.target_height_m * Eigen::Vector3d::UnitZ();
@@ -25,7 +15,7 @@ std::vector<CandidateView> cylinder_views(const CylinderViewsOptions& options) {
     for (int i = 0; i < options.azimuths; ++i) {
       const double azimuth = 2 * M_PI * i / options.azimuths;
       const Eigen::Vector3d offset(radius_m * std::cos(azimuth), radius_m * std::sin(azimuth), height_m);
-      views.push_back({static_cast<std::int64_t>(views.size()), facing(options.axis_foot + offset, target)});
+      views.push_back({static_cast<std::int64_t>(views.size()), look_at(options.axis_foot + offset, target)});
     }
   };
   for (const double height_m : options.ring_heights_m) add_ring(options.radius_m, height_m);

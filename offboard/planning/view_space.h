@@ -32,8 +32,4 @@ std::vector<CandidateView> cylinder_views(const CylinderViewsOptions& options = 
 /// \throws InputError naming file and line, also for a file without any view.
 std::vector<CandidateView> read_views(const std::filesystem::path& path);
 
-/// A camera at `eye` that faces `target`, upright (its x axis level). Straight up or down, x points along world -y.
-/// \pre eye != target
-Eigen::Isometry3d facing(const Eigen::Vector3d& eye, const Eigen::Vector3d& target);
-
 }  // namespace vantage

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "drivers/sim/look_at.h"
+#include "calib/look_at.h"
 #include "drivers/sim/stereo_camera.h"
 
 namespace vantage {
@@ -40,7 +40,7 @@ class StereoDepthInRoom : public testing::TestWithParam<int> {
     world.texture_seed = static_cast<std::uint32_t>(GetParam());
     const StereoCamera eyes(std::make_shared<sim::Renderer>(world), options);
     camera_ = options.camera;
-    pose_ = sim::look_at({0.55, 0.2, 0.35}, {0, 0, 0.12});
+    pose_ = look_at({0.55, 0.2, 0.35}, {0, 0, 0.12});
     std::vector<std::uint8_t> left(eyes.pixels()), right(eyes.pixels());
     eyes.capture(pose_, 1, left, right);
     frame_.capture_time_ns = 5'000;

@@ -10,7 +10,7 @@
 #include <poll.h>
 
 #include "box.h"
-#include "drivers/sim/look_at.h"
+#include "calib/look_at.h"
 #include "drivers/sim/protocol.h"
 #include "drivers/sim/server.h"
 #include "drivers/sim/unix_socket.h"

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "box.h"
-#include "drivers/sim/look_at.h"
+#include "calib/look_at.h"
 
 namespace vantage::sim {
 namespace {

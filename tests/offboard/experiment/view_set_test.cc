@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "calib/look_at.h"
 #include "offboard/experiment/view_set_planner.h"
 
 namespace vantage {
@@ -71,7 +72,7 @@ class BehindAWall : public testing::Test {
     }
     map_.set_has_marks(true);
   }
-  static Eigen::Isometry3d at(double x) { return facing({x, 0.105, 0.105}, {0.105, 0.105, 0.105}); }
+  static Eigen::Isometry3d at(double x) { return look_at({x, 0.105, 0.105}, {0.105, 0.105, 0.105}); }
   OccupancyMap map_;
   RayBundle axis_{std::vector<Eigen::Vector3d>{Eigen::Vector3d::UnitZ()}};
 };

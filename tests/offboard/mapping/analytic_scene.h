@@ -9,21 +9,10 @@
 
 #include <Eigen/Geometry>
 
+#include "calib/look_at.h"
 #include "lcmtypes/link/depth_map.h"
 
 namespace vantage {
-
-/// Camera pose at `eye` that looks at `target`, upright (world z up).
-inline Eigen::Isometry3d look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
-  const Eigen::Vector3d forward = (target - eye).normalized();
-  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
-  if (forward.cross(up).norm() < 1e-6) up = Eigen::Vector3d::UnitY();
-  const Eigen::Vector3d right = forward.cross(up).normalized();
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  pose.linear() << right, forward.cross(right), forward;
-  pose.translation() = eye;
-  return pose;
-}
 
 /// A sphere and a box on a square ground within four walls, whose depth every pixel can be told exactly.
 struct AnalyticScene {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/files/input_error.h"
+#include "calib/look_at.h"
 #include "offboard/planning/planner.h"
 #include "offboard/planning/utility.h"
 #include "offboard/planning/view_space.h"
@@ -62,7 +63,7 @@ TEST(ViewSpace, ThePapers48ViewsFaceTheObjectAndStandUpright) {
 }
 
 TEST(ViewSpace, StraightDownIsUprightToo) {
-  const Eigen::Isometry3d pose = facing({0, 0, 1}, {0, 0, 0});
+  const Eigen::Isometry3d pose = look_at({0, 0, 1}, {0, 0, 0});
   EXPECT_TRUE(is_rigid(pose));
   EXPECT_TRUE(pose.linear().col(2).isApprox(-Eigen::Vector3d::UnitZ()));
 }

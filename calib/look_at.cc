@@ -1,6 +1,6 @@
-#include "drivers/sim/look_at.h"
+#include "calib/look_at.h"
 
-namespace vantage::sim {
+namespace vantage {
 
 Eigen::Isometry3d look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
   const Eigen::Vector3d forward = (target - eye).normalized();
@@ -14,4 +14,4 @@ Eigen::Isometry3d look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& tar
   return T_world_camera;
 }
 
-}  // namespace vantage::sim
+}  // namespace vantage
