@@ -50,12 +50,13 @@ struct BrickWalker {
   }
 };
 
-/// Leaves the brick in one step; the number of its voxels that were met, the present one included.
-static inline std::int32_t leave_brick(BrickWalker* w) {
+/// Leaves the brick, or a cube of that edge (a power of two) at a multiple of it, in one step; the number of its voxels
+/// that were met, the present one included.
+static inline std::int32_t leave_brick(BrickWalker* w, std::int32_t edge = kWalkedBrickEdge) {
   std::array<std::int32_t, 3> ahead, exit;  // faces to cross to be out of the brick along each axis; when
   for (std::size_t a = 0; a < 3; ++a) {
-    const std::int32_t in_brick = w->voxel[a] & (kWalkedBrickEdge - 1);
-    ahead[a] = w->direction[a] > 0 ? kWalkedBrickEdge - in_brick : in_brick + 1;
+    const std::int32_t in_brick = w->voxel[a] & (edge - 1);
+    ahead[a] = w->direction[a] > 0 ? edge - in_brick : in_brick + 1;
     const std::int64_t at = w->time[a] + static_cast<std::int64_t>(ahead[a] - 1) * w->period[a];
     exit[a] = static_cast<std::int32_t>(std::min<std::int64_t>(at, std::numeric_limits<std::int32_t>::max()));
   }

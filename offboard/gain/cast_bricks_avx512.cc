@@ -1,7 +1,8 @@
 // Sixteen rays at once through a field of bricks. Compiled for AVX-512 F, BW, DQ and VL.
 //
-// Rays in uniform bricks cross them in one step each; then rays in the others walk voxel by voxel until most have left
-// theirs. Integer times make k steps at once the same as k steps one by one (ray_packet.h).
+// Rays in uniform bricks cross them, or the cubes of like ones they lie in, in one step each; then rays in the others
+// walk voxel by voxel until most have left theirs. Integer times make k steps at once the same as k steps one by one
+// (ray_packet.h).
 
 #include <immintrin.h>
 
@@ -24,14 +25,8 @@ class BrickPacket {
       inverse_[a] = _mm512_div_ps(_mm512_set1_ps(1), _mm512_cvtepi32_ps(period_[a]));
       voxel_[a] = load(packet.voxel[a]);
       forward_[a] = _mm512_cmpgt_epi32_mask(load(packet.direction[a]), _mm512_setzero_si512());
-      // Faces ahead within the brick: 1 + (position in the brick, counted from the far side).
-      flip_[a] = _mm512_maskz_mov_epi32(forward_[a], _mm512_set1_epi32(7));
-      // A step: the code's offset in the upper half; in the lower, one face ahead less, in a field of four bits whose
-      // top bit goes out when the last face is crossed.
-      const int stride = 1 << (3 * a);
-      step_[a] = _mm512_sub_epi32(
-          _mm512_mask_blend_epi32(forward_[a], _mm512_set1_epi32(-(stride << 16)), _mm512_set1_epi32(stride << 16)),
-          _mm512_set1_epi32(1 << (4 * a)));
+      // Turns a position in a brick or cube, under its mask, into the faces ahead less one.
+      flip_[a] = _mm512_maskz_set1_epi32(forward_[a], -1);
     }
   }
 
@@ -42,7 +37,7 @@ class BrickPacket {
       const __mmask16 uniform =
           _mm512_mask_cmplt_epi32_mask(_mm512_mask_cmplt_epi32_mask(alive_, word, _mm512_setzero_si512()), entry,
                                        _mm512_set1_epi32(field_.table->stop_begin));
-      if (uniform != 0) cross(uniform, entry);
+      if (uniform != 0) cross(uniform, word);
       const __mmask16 mixed = static_cast<__mmask16>(alive_ & ~uniform);
       if (mixed != 0) walk(mixed, word);
     }
@@ -50,7 +45,7 @@ class BrickPacket {
     sums.visits = visits_;
     sums.rear_side_voxels = rear_side_voxels_;
     sums.ends_occupied = ends_occupied_;
-    sums.ends_occplane = __builtin_popcount(_mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit << 16)));
+    sums.ends_occplane = __builtin_popcount(_mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit)));
     sums.proximity_steps = _mm512_reduce_add_epi32(proximity_);
     sums.entropy = sum(entropy_sum_);
     sums.occlusion_aware = sum(occlusion_aware_);
@@ -79,8 +74,8 @@ class BrickPacket {
     go[2] = static_cast<__mmask16>(x_after_z & y_after_z);
   }
 
-  __m512i faces_ahead(std::size_t a) const {  // less one
-    return _mm512_xor_si512(_mm512_and_si512(voxel_[a], _mm512_set1_epi32(7)), flip_[a]);
+  __m512i faces_ahead(std::size_t a, __m512i mask) const {  // less one
+    return _mm512_and_si512(_mm512_xor_si512(voxel_[a], flip_[a]), mask);
   }
 
   void advance(std::size_t a, __mmask16 lanes, __m512i count) {
@@ -88,12 +83,12 @@ class BrickPacket {
     voxel_[a] = _mm512_mask_sub_epi32(voxel_[a], static_cast<__mmask16>(lanes & ~forward_[a]), voxel_[a], count);
   }
 
-  void cross(__mmask16 lanes, __m512i entry);
+  void cross(__mmask16 lanes, __m512i word);
   void walk(__mmask16 lanes, __m512i word);
 
   const FieldView& field_;
   const Column<kPairs> pass_, entropy_;
-  __m512i time_[3], period_[3], voxel_[3], flip_[3], step_[3];
+  __m512i time_[3], period_[3], voxel_[3], flip_[3];
   __m512 inverse_[3];
   __mmask16 forward_[3];
   __mmask16 alive_, before_unknown_ = 0;
@@ -104,13 +99,16 @@ class BrickPacket {
   std::int64_t visits_ = 0, rear_side_voxels_ = 0, ends_occupied_ = 0;
 };
 
-/// Crosses a uniform brick that does not stop rays.
+/// Crosses cubes of uniform bricks that do not stop rays.
 template <int kPairs>
-void BrickPacket<kPairs>::cross(__mmask16 lanes, __m512i entry) {
-  const __m512i one = _mm512_set1_epi32(1);
+void BrickPacket<kPairs>::cross(__mmask16 lanes, __m512i word) {
+  const __m512i one = _mm512_set1_epi32(1), entry = _mm512_and_si512(word, _mm512_set1_epi32(kEntryMask));
+  const __m512i log2_cube =
+      _mm512_srli_epi32(_mm512_and_si512(word, _mm512_set1_epi32(FieldView::kCubeMask)), FieldView::kCubeShift);
+  const __m512i in_cube = _mm512_sub_epi32(_mm512_sllv_epi32(_mm512_set1_epi32(8), log2_cube), one);
   __m512i exit[3];
   for (std::size_t a = 0; a < 3; ++a) {
-    const __m512i ahead = faces_ahead(a);
+    const __m512i ahead = faces_ahead(a, in_cube);
     const __m512i at = _mm512_add_epi32(time_[a], _mm512_mullo_epi32(ahead, period_[a]));
     // A product beyond 2^30 lies past the region; the sum of two numbers below 2^30 is right.
     const __mmask16 near = _mm512_cmplt_ps_mask(
@@ -138,10 +136,11 @@ void BrickPacket<kPairs>::cross(__mmask16 lanes, __m512i entry) {
     visits = _mm512_add_epi32(visits, count);
   }
   visits_ += _mm512_reduce_add_epi32(visits);
-  // q^k and 1 + q + ... + q^(k-1) for k = visits < 32, by doubling.
+  // q^k and 1 + q + ... + q^(k-1) for k = visits < 256, by doubling.
   const __m512 q = pass_.at(entry), entropy = entropy_.at(entry), unit = _mm512_set1_ps(1);
   __m512 power = unit, series = _mm512_setzero_ps(), base_power = q, base_series = unit;
-  for (int bit = 1; bit < 32; bit <<= 1) {
+  const int most = _mm512_mask_reduce_max_epi32(lanes, visits);
+  for (int bit = 1; bit <= most; bit <<= 1) {
     const __mmask16 set = _mm512_test_epi32_mask(visits, _mm512_set1_epi32(bit));
     series = _mm512_mask_add_ps(series, set, series, _mm512_mul_ps(power, base_series));
     power = _mm512_mask_mul_ps(power, set, power, base_power);
@@ -163,31 +162,37 @@ void BrickPacket<kPairs>::cross(__mmask16 lanes, __m512i entry) {
 template <int kPairs>
 void BrickPacket<kPairs>::walk(__mmask16 lanes, __m512i word) {
   const VisitTable& table = *field_.table;
-  const char* codes = reinterpret_cast<const char*>(field_.brick_codes) - 2;  // the code is the upper half of 32 bits
   const __m512i unknown_end = _mm512_set1_epi32(table.unknown_end), stop_begin = _mm512_set1_epi32(table.stop_begin);
   const __m512i sentinel = _mm512_set1_epi32(table.sentinel()), entry_mask = _mm512_set1_epi32(kEntryMask);
-  const __m512i guards = _mm512_set1_epi32(0x888), zero = _mm512_setzero_si512();
-  const __m512i parked = _mm512_set1_epi32(table.parked() << 16);
+  const __m512i zero = _mm512_setzero_si512(), parked = _mm512_set1_epi32(table.parked());
+  const __mmask16 has_proximity = _mm512_mask_test_epi32_mask(lanes, word, _mm512_set1_epi32(FieldView::kHasProximity));
 
   // A uniform brick that stops rays ends them here and now.
   const __mmask16 wall = _mm512_mask_cmplt_epi32_mask(lanes, word, zero);
-  const __m512i base = _mm512_slli_epi32(word, 9);
-  __m512i state = guards;  // see step_
+  // Faces ahead, less one, as a field of four bits an axis, whose top bit goes out when the last face is crossed.
+  // Shifts by 0, 3 and 9 bring the fields' bits to where offset_in_brick() has them, inverted for axes walked forward.
+  constexpr unsigned kField[3] = {9, 5, 13};
+  const __m512i guards = _mm512_set1_epi32(8 << kField[0] | 8 << kField[1] | 8 << kField[2]);
+  __m512i state = guards, base = _mm512_slli_epi32(word, 9);
   __m512i ahead_before[3];
   for (std::size_t a = 0; a < 3; ++a) {
-    ahead_before[a] = faces_ahead(a);
-    state = _mm512_add_epi32(state, _mm512_slli_epi32(ahead_before[a], static_cast<unsigned>(4 * a)));
-    state = _mm512_add_epi32(
-        state, _mm512_slli_epi32(_mm512_and_si512(voxel_[a], _mm512_set1_epi32(7)), static_cast<unsigned>(16 + 3 * a)));
+    ahead_before[a] = faces_ahead(a, _mm512_set1_epi32(7));
+    state = _mm512_add_epi32(state, _mm512_slli_epi32(ahead_before[a], kField[a]));
+    const unsigned all = offset_in_brick(a == 0 ? 7 : 0, a == 1 ? 7 : 0, a == 2 ? 7 : 0);
+    base = _mm512_xor_si512(base, _mm512_and_si512(flip_[a], _mm512_set1_epi32(static_cast<int>(all))));
   }
   __mmask16 walking = lanes;
   const int enough = __builtin_popcount(lanes) / 2;
   do {
-    const __m512i at = _mm512_add_epi32(base, _mm512_srli_epi32(state, 16));
-    __m512i code = _mm512_mask_i32gather_epi32(parked, static_cast<__mmask16>(walking & ~wall), at, codes, 2);
-    code = _mm512_mask_mov_epi32(code, wall, _mm512_slli_epi32(word, 16));
+    constexpr int kXorMasked = 0x78;  // a ^ (b & c)
+    __m512i at = _mm512_ternarylogic_epi32(base, state, _mm512_set1_epi32(0x80), kXorMasked);
+    at = _mm512_ternarylogic_epi32(at, _mm512_srli_epi32(state, 3), _mm512_set1_epi32(0x10c), kXorMasked);
+    at = _mm512_ternarylogic_epi32(at, _mm512_srli_epi32(state, 9), _mm512_set1_epi32(0x73), kXorMasked);
+    __m512i code =
+        _mm512_mask_i32gather_epi32(parked, static_cast<__mmask16>(walking & ~wall), at, field_.brick_codes, 1);
+    code = _mm512_mask_mov_epi32(code, wall, word);
     code = _mm512_mask_mov_epi32(parked, walking, code);
-    const __m512i entry = _mm512_and_si512(_mm512_srli_epi32(code, 16), entry_mask);
+    const __m512i entry = _mm512_and_si512(code, entry_mask);
     const __m512 pass = pass_.at(entry), voxel_entropy = entropy_.at(entry);
     const __mmask16 unknown = _mm512_cmplt_epi32_mask(entry, unknown_end);
     const __mmask16 stop = _mm512_cmpge_epi32_mask(entry, stop_begin);
@@ -200,7 +205,7 @@ void BrickPacket<kPairs>::walk(__mmask16 lanes, __m512i word) {
     if (stop != 0) {
       const __mmask16 left = _mm512_mask_cmpeq_epi32_mask(stop, entry, sentinel);
       const __mmask16 occupied = static_cast<__mmask16>(stop & ~left);
-      const __mmask16 occplane = _mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit << 16));
+      const __mmask16 occplane = _mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit));
       visits_ -= __builtin_popcount(left);
       rear_side_voxels_ += __builtin_popcount(occupied & before_unknown_);
       ends_occupied_ += __builtin_popcount(occupied & ~static_cast<unsigned>(occplane));
@@ -212,20 +217,23 @@ void BrickPacket<kPairs>::walk(__mmask16 lanes, __m512i word) {
     run_ = _mm512_mask_mov_ps(run_, walking, _mm512_maskz_add_ps(unknown, run_, visible));
     before_unknown_ = static_cast<__mmask16>((before_unknown_ & ~walking) | unknown);
     seen_ = _mm512_or_si512(seen_, code);
-    proximity_ = _mm512_add_epi32(proximity_, _mm512_srli_epi32(code, 24));
+    const __mmask16 near = static_cast<__mmask16>(unknown & has_proximity & walking);
+    if (near != 0) {
+      const __m512i proximity = _mm512_mask_i32gather_epi32(zero, near, at, field_.brick_proximity, 1);
+      proximity_ = _mm512_add_epi32(proximity_, _mm512_and_si512(proximity, _mm512_set1_epi32(0xff)));
+    }
     __mmask16 go[3];
     next_axis(time_, go);
     for (std::size_t a = 0; a < 3; ++a) {
       const __mmask16 goes = static_cast<__mmask16>(go[a] & walking);
       time_[a] = _mm512_mask_add_epi32(time_[a], goes, time_[a], period_[a]);
-      state = _mm512_mask_add_epi32(state, goes, state, step_[a]);
+      state = _mm512_mask_sub_epi32(state, goes, state, _mm512_set1_epi32(1 << kField[a]));
     }
     walking = _mm512_mask_cmpeq_epi32_mask(walking, _mm512_and_si512(state, guards), guards);
   } while (__builtin_popcount(walking) > enough);
   for (std::size_t a = 0; a < 3; ++a) {
     // Faces crossed: the field's loss, modulo 16 (it may have borrowed nothing from above: its guard stood).
-    const __m512i field =
-        _mm512_and_si512(_mm512_srli_epi32(state, static_cast<unsigned>(4 * a)), _mm512_set1_epi32(15));
+    const __m512i field = _mm512_and_si512(_mm512_srli_epi32(state, kField[a]), _mm512_set1_epi32(15));
     advance(a, lanes, _mm512_sub_epi32(_mm512_add_epi32(ahead_before[a], _mm512_set1_epi32(8)), field));
   }
 }

@@ -1,4 +1,4 @@
-// One ray at a time through a field of bricks: a uniform brick in one step, the others voxel by voxel.
+// One ray at a time through a field of bricks: a cube of like uniform bricks in one step, the others voxel by voxel.
 
 #include <array>
 #include <cstdint>
@@ -24,7 +24,7 @@ RaySums cast_bricks_scalar(const FieldView& field, const GridWalk& walk, const R
   const std::array<std::int32_t, 3> strides = field.brick_strides;
   RaySums sums;
   /// Enters a voxel; false when the ray ends there.
-  const auto visit = [&](Sight* w, unsigned code) {
+  const auto visit = [&](Sight* w, unsigned code, const std::uint8_t* proximity) {
     const int entry = static_cast<int>(code & kEntryMask);
     const VisitEntry& numbers = table.entry[code & kEntryMask];
     if (entry == table.sentinel()) return false;
@@ -42,7 +42,7 @@ RaySums cast_bricks_scalar(const FieldView& field, const GridWalk& walk, const R
     if (w->before_unknown) {
       sums.unobserved_voxel += visible_entropy;
       w->run_entropy += visible_entropy;
-      sums.proximity_steps += code >> kProximityShift;
+      if (proximity != nullptr) sums.proximity_steps += *proximity;
       w->met_occplane = w->met_occplane || (code & kOccplaneBit) != 0;
     } else {
       w->run_entropy = 0;
@@ -60,11 +60,14 @@ RaySums cast_bricks_scalar(const FieldView& field, const GridWalk& walk, const R
       const std::uint32_t word = field.brick_words[field.first_brick_offset + brick[0] * strides[0] +
                                                    brick[1] * strides[1] + brick[2] * strides[2]];
       if ((word & FieldView::kUniformBrick) == 0) {
-        const VisitCode* codes = field.brick_codes + static_cast<std::size_t>(word) * 512;
+        const std::size_t first = std::size_t{512} * (word & FieldView::kBrickNumber);
+        const bool has_proximity = (word & FieldView::kHasProximity) != 0;
         bool inside = true;
         while (inside) {
-          const auto i = static_cast<std::size_t>((w.voxel[0] & 7) | (w.voxel[1] & 7) << 3 | (w.voxel[2] & 7) << 6);
-          alive = visit(&sight, codes[i]);
+          const std::size_t at =
+              first + offset_in_brick(static_cast<unsigned>(w.voxel[0] & 7), static_cast<unsigned>(w.voxel[1] & 7),
+                                      static_cast<unsigned>(w.voxel[2] & 7));
+          alive = visit(&sight, field.brick_codes[at], has_proximity ? &field.brick_proximity[at] : nullptr);
           if (!alive) break;
           const std::size_t axis = w.next_axis();
           w.time[axis] += w.period[axis];
@@ -75,12 +78,13 @@ RaySums cast_bricks_scalar(const FieldView& field, const GridWalk& walk, const R
       }
       const int entry = static_cast<int>(word & kEntryMask);
       if (entry >= table.stop_begin) {
-        alive = visit(&sight, word & 0xffff);
+        alive = visit(&sight, word & kEntryMask, nullptr);
         continue;
       }
       // q^k and 1 + q + ... + q^(k-1) by k visits.
       const VisitEntry& numbers = table.entry[word & kEntryMask];
-      const std::int32_t visits = leave_brick(&w);
+      const std::int32_t visits =
+          leave_brick(&w, kWalkedBrickEdge << ((word & FieldView::kCubeMask) >> FieldView::kCubeShift));
       const double q = static_cast<double>(numbers.pass), entropy = static_cast<double>(numbers.entropy);
       double power = 1, series = 0;
       for (std::int32_t k = 0; k < visits; ++k) {

@@ -179,14 +179,9 @@ void GainField::encode_all(const OccupancyMap& map, int threads) {
     parked_offset_ = static_cast<std::int32_t>(size);
     codes_[kFrontPad + size] = static_cast<VisitCode>(table_.parked());
   } else {
-    const Eigen::Vector3i bricks = map.size_bricks();
-    brick_strides_ = {1, bricks.x() + 2, (bricks.x() + 2) * (bricks.y() + 2)};
-    words_.assign(flat_size(bricks), FieldView::kUniformBrick | sentinel);
-    codes_.assign(kFrontPad, sentinel);
     std::size_t dense = 0;
     for (std::size_t brick = 0; brick < map.brick_count(); ++brick) dense += map.dense(brick) != nullptr;
-    codes_.reserve(kFrontPad + (dense + dense / 8) * kVoxels);
-    unused_.clear();
+    bricks_.reset(map.size_bricks(), table_, dense);
   }
   // In the flat layout bricks have places of their own; in the other each new one moves the end of the codes.
   constexpr std::size_t kBricksPerTask = 64;
@@ -196,6 +191,7 @@ void GainField::encode_all(const OccupancyMap& map, int threads) {
               const std::size_t end = std::min(count, (task + 1) * kBricksPerTask);
               for (std::size_t brick = task * kBricksPerTask; brick < end; ++brick) encode_brick(map, brick);
             });
+  if (layout_ == Layout::kBricks) bricks_.join_cubes();
 }
 
 void GainField::update(const OccupancyMap& map, std::vector<std::size_t>* changed) {
@@ -226,13 +222,24 @@ void GainField::update(const OccupancyMap& map, std::vector<std::size_t>* change
     return;
   }
   revision_ = map.revision();
+  const auto words_before = bricks_.words();
   for (std::size_t brick = 0; brick < stale.size(); ++brick) {
     if (stale[brick] != 0 && encode_brick(map, brick) && changed != nullptr) changed->push_back(brick);
   }
+  if (layout_ == Layout::kFlat) return;
+  bricks_.join_cubes();
+  for (std::size_t brick = 0; brick < stale.size() && changed != nullptr; ++brick) {
+    const std::size_t i = bricks_.index(map.brick_position(brick));
+    if (words_before[i] != bricks_.words()[i]) changed->push_back(brick);
+  }
 }
 
-/// Codes of a brick that is not uniform.
-void GainField::brick_codes(const OccupancyMap& map, std::size_t brick, std::array<VisitCode, kVoxels>* codes) const {
+/// Codes of a brick's voxels.
+void GainField::fill_codes(const OccupancyMap& map, std::size_t brick, BrickCodes::Codes* codes) const {
+  if (map.dense(brick) == nullptr) {
+    codes->fill(entry_of_level_[map.uniform_level(brick)]);
+    return;
+  }
   const OccupancyMap::Brick& voxels = *map.dense(brick);
   unsigned marks = 0;
   for (std::size_t i = 0; i < kVoxels; ++i) {
@@ -257,12 +264,8 @@ bool GainField::encode_brick(const OccupancyMap& map, std::size_t brick) {
 bool GainField::encode_flat(const OccupancyMap& map, std::size_t brick) {
   const Eigen::Vector3i position = map.brick_position(brick), extent = map.brick_extent(position);
   const Eigen::Vector3i first = kEdge * position;
-  std::array<VisitCode, kVoxels> codes;
-  if (map.dense(brick) == nullptr) {
-    codes.fill(entry_of_level_[map.uniform_level(brick)]);
-  } else {
-    brick_codes(map, brick, &codes);
-  }
+  BrickCodes::Codes codes;
+  fill_codes(map, brick, &codes);
   VisitCode* corner =
       &codes_[kFrontPad] + first_offset() + first.x() * strides_[0] + first.y() * strides_[1] + first.z() * strides_[2];
   unsigned different = 0;
@@ -281,22 +284,12 @@ bool GainField::encode_flat(const OccupancyMap& map, std::size_t brick) {
 
 bool GainField::encode_words(const OccupancyMap& map, std::size_t brick) {
   const Eigen::Vector3i position = map.brick_position(brick), extent = map.brick_extent(position);
-  std::uint32_t& word =
-      words_[static_cast<std::size_t>(first_brick_offset() + position.x() * brick_strides_[0] +
-                                      position.y() * brick_strides_[1] + position.z() * brick_strides_[2])];
-  const std::uint32_t before = word;
   const bool whole = extent == Eigen::Vector3i::Constant(kEdge);
   if (map.dense(brick) == nullptr && whole) {
-    if ((word & FieldView::kUniformBrick) == 0) unused_.push_back(word);
-    word = FieldView::kUniformBrick | entry_of_level_[map.uniform_level(brick)];
-    return word != before;
+    return bricks_.set_uniform(position, entry_of_level_[map.uniform_level(brick)]);
   }
-  std::array<VisitCode, kVoxels> codes;
-  if (map.dense(brick) == nullptr) {
-    codes.fill(entry_of_level_[map.uniform_level(brick)]);
-  } else {
-    brick_codes(map, brick, &codes);
-  }
+  BrickCodes::Codes codes;
+  fill_codes(map, brick, &codes);
   for (int z = 0; z < kEdge && !whole; ++z) {
     for (int y = 0; y < kEdge; ++y) {
       for (int x = 0; x < kEdge; ++x) {
@@ -305,19 +298,7 @@ bool GainField::encode_words(const OccupancyMap& map, std::size_t brick) {
       }
     }
   }
-  if ((word & FieldView::kUniformBrick) != 0) {
-    if (unused_.empty()) {
-      word = static_cast<std::uint32_t>((codes_.size() - kFrontPad) / kVoxels);
-      codes_.resize(codes_.size() + kVoxels);
-    } else {
-      word = unused_.back();
-      unused_.pop_back();
-    }
-  }
-  VisitCode* stored = &codes_[kFrontPad + word * kVoxels];
-  const bool changed = word != before || !std::equal(codes.begin(), codes.end(), stored);
-  std::copy(codes.begin(), codes.end(), stored);
-  return changed;
+  return bricks_.set(position, codes);
 }
 
 FieldView GainField::view() const {
@@ -327,10 +308,7 @@ FieldView GainField::view() const {
   view.strides = strides_;
   view.first_offset = first_offset();
   view.parked_offset = parked_offset_;
-  view.brick_words = words_.data();
-  view.brick_codes = codes_.data() + kFrontPad;
-  view.brick_strides = brick_strides_;
-  view.first_brick_offset = first_brick_offset();
+  bricks_.show(&view);
   return view;
 }
 
@@ -339,17 +317,11 @@ VisitCode GainField::code(const Eigen::Vector3i& voxel) const {
     return codes_[kFrontPad + static_cast<std::size_t>(first_offset() + voxel.x() * strides_[0] +
                                                        voxel.y() * strides_[1] + voxel.z() * strides_[2])];
   }
-  const Eigen::Vector3i brick = voxel / kEdge;
-  const std::uint32_t word =
-      words_[static_cast<std::size_t>(first_brick_offset() + brick.x() * brick_strides_[0] +
-                                      brick.y() * brick_strides_[1] + brick.z() * brick_strides_[2])];
-  if ((word & FieldView::kUniformBrick) != 0) return static_cast<VisitCode>(word);
-  return codes_[kFrontPad + word * kVoxels + OccupancyMap::index_in_brick(voxel)];
+  return bricks_.code(voxel);
 }
 
 std::size_t GainField::memory_bytes() const {
-  return sizeof *this + codes_.capacity() * sizeof(VisitCode) + words_.capacity() * sizeof(std::uint32_t) +
-         unused_.capacity() * sizeof(std::uint32_t) + entry_of_level_.capacity();
+  return sizeof *this + codes_.capacity() * sizeof(VisitCode) + bricks_.memory_bytes() + entry_of_level_.capacity();
 }
 
 }  // namespace vantage

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "offboard/gain/brick_codes.h"
 #include "offboard/gain/large_pages.h"
 #include "offboard/gain/visit_code.h"
 #include "offboard/mapping/occupancy_map.h"
@@ -17,10 +18,8 @@ namespace vantage {
 ///
 /// Two layouts:
 ///  - flat, up to kMaxFlatVoxels: all voxels in x-fastest order with a border of sentinels one voxel wide, so that a
-///  step
-///    along an axis is one addition and leaving the region needs no test;
-///  - bricks, beyond: one word a brick (with a border of sentinel bricks), which either tells the code that all its
-///    voxels share or where its 512 codes are. Memory grows with the bricks that are not uniform.
+///    step along an axis is one addition and leaving the region needs no test;
+///  - bricks, beyond (brick_codes.h).
 class GainField {
  public:
   static constexpr std::size_t kMaxFlatVoxels = std::size_t{224} * 224 * 224;
@@ -32,7 +31,8 @@ class GainField {
   GainField(const OccupancyMap& map, Layout layout, int threads = 1);
 
   /// Encodes again what changed in the map since the last time, and appends to `changed`, when given, the bricks of
-  /// which a code changed. `map` must be the one the field was made of, or a copy of it.
+  /// which a code changed, or the steps in which rays cross them. `map` must be the one the field was made of, or a
+  /// copy of it.
   void update(const OccupancyMap& map, std::vector<std::size_t>* changed = nullptr);
 
   /// False when the map holds more distinct log-odds values than the table has room for (kMaxEntries - 2): the kernels
@@ -53,11 +53,9 @@ class GainField {
   bool encode_brick(const OccupancyMap& map, std::size_t brick);
   bool encode_flat(const OccupancyMap& map, std::size_t brick);
   bool encode_words(const OccupancyMap& map, std::size_t brick);
-  void brick_codes(const OccupancyMap& map, std::size_t brick,
-                   std::array<VisitCode, OccupancyMap::kBrickVoxels>* codes) const;
+  void fill_codes(const OccupancyMap& map, std::size_t brick, BrickCodes::Codes* codes) const;
 
   std::int32_t first_offset() const { return strides_[0] + strides_[1] + strides_[2]; }
-  std::int32_t first_brick_offset() const { return brick_strides_[0] + brick_strides_[1] + brick_strides_[2]; }
 
   Layout layout_;
   Eigen::Vector3i size_;
@@ -68,10 +66,9 @@ class GainField {
   std::size_t levels_encoded_ = 0;
   VisitTable table_;
   std::vector<VisitCode, LargePageAllocator<VisitCode>> codes_;
-  std::array<std::int32_t, 3> strides_{}, brick_strides_{};
+  std::array<std::int32_t, 3> strides_{};
   std::int32_t parked_offset_ = 0;
-  std::vector<std::uint32_t, LargePageAllocator<std::uint32_t>> words_;
-  std::vector<std::uint32_t> unused_;  // blocks of 512 codes given back
+  BrickCodes bricks_;
 };
 
 }  // namespace vantage

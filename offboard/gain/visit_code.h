@@ -51,13 +51,25 @@ struct FieldView {
   std::array<std::int32_t, 3> strides{};
   std::int32_t first_offset = 0, parked_offset = 0;
 
-  // Brick layout: one word a brick. Top bit: uniform, the low 16 bits its code. Else the number of its 512 codes.
+  // Brick layout: one word a brick. Top bit: uniform; its entry in the low bits, and in kCubeMask log2 of the edge, in
+  // bricks, of the aligned cube of like bricks it lies in. Else the brick's number, and whether a voxel has proximity.
+  // Brick i has the low bytes of its codes at 512 i of `brick_codes`, their high bytes at the same place of
+  // `brick_proximity` (not to be read when no voxel has any). A kernel may read three bytes past any code.
   const std::uint32_t* brick_words = nullptr;
-  const VisitCode* brick_codes = nullptr;
+  const std::uint8_t* brick_codes = nullptr;
+  const std::uint8_t* brick_proximity = nullptr;
   std::array<std::int32_t, 3> brick_strides{};
   std::int32_t first_brick_offset = 0;
 
-  static constexpr std::uint32_t kUniformBrick = 0x80000000;
+  static constexpr std::uint32_t kUniformBrick = 0x80000000, kHasProximity = 0x40000000;
+  static constexpr std::uint32_t kBrickNumber = 0x1fffff;  // 1024^3 voxels have as many bricks
+  static constexpr int kCubeShift = 8, kMaxLog2Cube = 3;
+  static constexpr std::uint32_t kCubeMask = 3U << kCubeShift;
 };
+
+/// Where a brick keeps voxel (x, y, z): a cache line holds a cube of 4 x 4 x 4, so that a ray meets two lines a brick.
+constexpr unsigned offset_in_brick(unsigned x, unsigned y, unsigned z) {
+  return (x & 3) | (y & 3) << 2 | z << 4 | (y & 4) << 5 | (x & 4) << 6;
+}
 
 }  // namespace vantage
