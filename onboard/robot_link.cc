@@ -72,7 +72,8 @@ void RobotLink::send_state() {
 void RobotLink::send_finished_map() {
   std::optional<DepthMap> map = executive_.fetch_depth_map();
   if (!map) return;
-  map->utime = clock_.utime();
+  // The camera stamps by the monotonic clock; the network's times count from 1970.
+  map->utime += clock_.utime() - std::chrono::duration_cast<std::chrono::microseconds>(clock_.monotonic()).count();
   map->session = static_cast<std::uint64_t>(session_);
   map->map_id = ++maps_;
   if (!sender_.enqueue(pack_depth_map(*map))) spdlog::warn("the spool is full: its oldest depth map was given up");

@@ -12,6 +12,7 @@
 #include <signal.h>
 
 #include "calib/files/input_error.h"
+#include "calib/program.h"
 #include "offboard/experiment/experiment.h"
 #include "offboard/experiment/report.h"
 
@@ -124,13 +125,5 @@ int main(int argc, char** argv) {
   action.sa_handler = [](int) { interrupted = true; };
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
-  try {
-    return *run_command ? run(arguments) : merge(arguments);
-  } catch (const InputError& error) {
-    fmt::print(stderr, "vantage-experiment: {}\n", error.what());
-    return kExitBadInput;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "vantage-experiment: {}\n", error.what());
-    return kExitFailure;
-  }
+  return run_program("vantage-experiment", [&] { return *run_command ? run(arguments) : merge(arguments); });
 }

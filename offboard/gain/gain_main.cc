@@ -11,6 +11,7 @@
 
 #include "calib/files/input_error.h"
 #include "calib/files/trajectory.h"
+#include "calib/program.h"
 #include "offboard/gain/view_gain.h"
 #include "offboard/mapping/octomap_io.h"
 
@@ -150,13 +151,5 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? vantage::kExitOk : kExitBadInput;
   }
-  try {
-    return vantage::run(arguments);
-  } catch (const vantage::InputError& error) {
-    std::fprintf(stderr, "vantage-gain: %s\n", error.what());
-    return kExitBadInput;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "vantage-gain: %s\n", error.what());
-    return vantage::kExitFailure;
-  }
+  return vantage::run_program("vantage-gain", [&] { return vantage::run(arguments); });
 }
