@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/files/trajectory.h"
+
+namespace vantage::sim {
+
+/// How a camera moves in boxes_room().
+enum class CameraPath {
+  kHover,    ///< small figures in the air, +-5 cm and +-2 degrees, 1.4 m from what it looks at
+  kSlide,    ///< sideways at 10 cm/s, looking ahead and down
+  kForward,  ///< towards what it looks at, at 10 cm/s
+  kCircle,   ///< once around the room's centre in 20 s, 1.3 m away, looking inwards
+  kRotate    ///< turns about its own centre without moving, +-15 degrees
+};
+
+/// The names on a command line: hover, slide, forward, circle, rotate.
+/// \throws InputError that lists them, for any other.
+CameraPath camera_path_named(const std::string& name);
+
+/// Where the camera is `time_s` after the start. Smooth; the same every time.
+Eigen::Isometry3d pose_on_path(CameraPath path, double time_s);
+
+}  // namespace vantage::sim
