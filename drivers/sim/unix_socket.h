@@ -4,25 +4,9 @@
 #include <filesystem>
 #include <span>
 
+#include "calib/files/file_descriptor.h"
+
 namespace vantage::sim {
-
-/// An open file descriptor with one owner; closed at its end.
-class FileDescriptor {
- public:
-  FileDescriptor() = default;
-  explicit FileDescriptor(int fd) : fd_(fd) {}
-  ~FileDescriptor() { reset(); }
-  FileDescriptor(FileDescriptor&& other) noexcept : fd_(other.release()) {}
-  FileDescriptor& operator=(FileDescriptor&& other) noexcept;
-
-  int get() const { return fd_; }
-  bool valid() const { return fd_ >= 0; }
-  int release();
-  void reset();
-
- private:
-  int fd_ = -1;
-};
 
 /// A SOCK_SEQPACKET socket that listens at `path`. A stale file, which nobody listens at any more, is replaced.
 /// \throws InputError when the path is too long, is taken by a live program or something that is no socket, or can't be
