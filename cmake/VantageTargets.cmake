@@ -49,6 +49,14 @@ function(vantage_test name)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT ${ARG_TIMEOUT})
 endfunction()
 
+# vantage_vm_test(NAME COMMAND argument... [OPTIONS option...]): a test inside the virtual machine of scripts/vm-test, whose
+# options those are. Counted as skipped where no machine can be had. The time-out leaves room for building its kernel.
+function(vantage_vm_test name)
+  cmake_parse_arguments(ARG "" "" "COMMAND;OPTIONS" ${ARGN})
+  add_test(NAME ${name} COMMAND ${PROJECT_SOURCE_DIR}/scripts/vm-test ${ARG_OPTIONS} -- ${ARG_COMMAND})
+  set_tests_properties(${name} PROPERTIES SKIP_RETURN_CODE 125 TIMEOUT 900 LABELS vm)
+endfunction()
+
 # vantage_benchmark(NAME SOURCES file... LINK target...): run by scripts/bench, never by ctest.
 function(vantage_benchmark name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
