@@ -75,10 +75,7 @@ double read_positive(YamlMap& map, std::string_view key, Quantity kind) {
   return value;
 }
 
-}  // namespace
-
-Rig load_rig(const std::filesystem::path& path) {
-  YamlMap root = YamlMap::load(path);
+Rig read_rig(YamlMap root) {
   if (root.integer("rig_version") != kRigFileVersion) {
     root.fail("rig_version", "this program reads version " + std::to_string(kRigFileVersion));
   }
@@ -90,9 +87,28 @@ Rig load_rig(const std::filesystem::path& path) {
   rig.linear_speed_limit_m_s = read_positive(limits, "linear_speed", Quantity::kSpeed);
   rig.angular_speed_limit_rad_s = read_positive(limits, "angular_speed", Quantity::kAngularSpeed);
   limits.finish();
+  if (root.has("drives")) rig.drives = read_drives(root.map("drives"));
   root.finish();
   return rig;
 }
+
+}  // namespace
+
+Rig load_rig(const std::filesystem::path& path) {
+  Rig rig = read_rig(YamlMap::load(path));
+  const auto beside_rig = [&path](DriveRig* drive) {
+    if (!drive->eds.empty()) drive->eds = (path.parent_path() / drive->eds).string();
+  };
+  if (rig.drives) {
+    for (JointRig& joint : rig.drives->joints) beside_rig(&joint.drive);
+    if (rig.drives->base)
+      std::for_each(rig.drives->base->wheels.begin(), rig.drives->base->wheels.end(),
+                    [&](DriveRig& wheel) { beside_rig(&wheel); });
+  }
+  return rig;
+}
+
+Rig parse_rig(const std::string& text, const std::string& name) { return read_rig(YamlMap::parse(text, name)); }
 
 RecordingCamera load_recording_camera(const std::filesystem::path& path) {
   YamlMap root = YamlMap::load(path);

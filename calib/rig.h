@@ -1,11 +1,13 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include <Eigen/Geometry>
 
 #include "calib/camera_model.h"
+#include "calib/drives_rig.h"
 
 namespace vantage {
 
@@ -16,11 +18,14 @@ struct Rig {
   Eigen::Isometry3d T_wrist_camera = Eigen::Isometry3d::Identity();
   double linear_speed_limit_m_s = 0;
   double angular_speed_limit_rad_s = 0;
+  std::optional<DrivesRig> drives;  ///< of arm and base; none: the camera is carried otherwise
 };
 
 /// Reads a rig file. \throws InputError "file:line: key: …" for an unknown key, a wrong type or unit, a value that
 /// makes no sense (a negative baseline, a camera that is not valid).
 Rig load_rig(const std::filesystem::path& path);
+/// The same from a text; `name` stands for the file in messages.
+Rig parse_rig(const std::string& text, const std::string& name);
 
 /// The camera of a recording and the unit of its depth images.
 struct RecordingCamera {

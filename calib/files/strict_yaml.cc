@@ -21,14 +21,25 @@ struct Unit {
 
 // The first unit of a kind is its SI unit: messages and yaml_quantity use it.
 constexpr std::array kUnits{
-    Unit{Quantity::kLength, "m", 1},           Unit{Quantity::kLength, "cm", 0.01},
-    Unit{Quantity::kLength, "mm", 0.001},      Unit{Quantity::kAngle, "rad", 1},
-    Unit{Quantity::kAngle, "deg", M_PI / 180}, Unit{Quantity::kDuration, "s", 1},
-    Unit{Quantity::kDuration, "ms", 1e-3},     Unit{Quantity::kDuration, "us", 1e-6},
-    Unit{Quantity::kSpeed, "m/s", 1},          Unit{Quantity::kSpeed, "mm/s", 0.001},
-    Unit{Quantity::kAngularSpeed, "rad/s", 1}, Unit{Quantity::kAngularSpeed, "deg/s", M_PI / 180},
-    Unit{Quantity::kPixels, "px", 1},          Unit{Quantity::kFrequency, "Hz", 1},
-    Unit{Quantity::kBitRate, "bit/s", 1},      Unit{Quantity::kBitRate, "kbit/s", 1e3},
+    Unit{Quantity::kLength, "m", 1},
+    Unit{Quantity::kLength, "cm", 0.01},
+    Unit{Quantity::kLength, "mm", 0.001},
+    Unit{Quantity::kAngle, "rad", 1},
+    Unit{Quantity::kAngle, "deg", M_PI / 180},
+    Unit{Quantity::kDuration, "s", 1},
+    Unit{Quantity::kDuration, "ms", 1e-3},
+    Unit{Quantity::kDuration, "us", 1e-6},
+    Unit{Quantity::kSpeed, "m/s", 1},
+    Unit{Quantity::kSpeed, "mm/s", 0.001},
+    Unit{Quantity::kAngularSpeed, "rad/s", 1},
+    Unit{Quantity::kAngularSpeed, "deg/s", M_PI / 180},
+    Unit{Quantity::kAcceleration, "m/s2", 1},
+    Unit{Quantity::kAngularAcceleration, "rad/s2", 1},
+    Unit{Quantity::kAngularAcceleration, "deg/s2", M_PI / 180},
+    Unit{Quantity::kPixels, "px", 1},
+    Unit{Quantity::kFrequency, "Hz", 1},
+    Unit{Quantity::kBitRate, "bit/s", 1},
+    Unit{Quantity::kBitRate, "kbit/s", 1e3},
     Unit{Quantity::kBitRate, "Mbit/s", 1e6},
 };
 

@@ -13,14 +13,16 @@ namespace vantage {
 
 /// What a number with a unit measures. Each is returned in its SI unit.
 enum class Quantity {
-  kLength,        ///< m (also cm, mm)
-  kAngle,         ///< rad (also deg)
-  kDuration,      ///< s (also ms, us)
-  kSpeed,         ///< m/s (also mm/s)
-  kAngularSpeed,  ///< rad/s (also deg/s)
-  kPixels,        ///< px
-  kFrequency,     ///< Hz
-  kBitRate,       ///< bit/s (also kbit/s, Mbit/s)
+  kLength,               ///< m (also cm, mm)
+  kAngle,                ///< rad (also deg)
+  kDuration,             ///< s (also ms, us)
+  kSpeed,                ///< m/s (also mm/s)
+  kAngularSpeed,         ///< rad/s (also deg/s)
+  kAcceleration,         ///< m/s2
+  kAngularAcceleration,  ///< rad/s2 (also deg/s2)
+  kPixels,               ///< px
+  kFrequency,            ///< Hz
+  kBitRate,              ///< bit/s (also kbit/s, Mbit/s)
 };
 
 /// A YAML mapping that insists: every key must be known, every value must have the type and the unit that is asked for.

@@ -201,7 +201,7 @@ const ReceivedPdo& CanopenMaster::received(int number, std::uint8_t node) const 
 }
 
 void CanopenMaster::forget(std::uint8_t node) {
-  nodes_[node] = {};
+  nodes_[node].heard = false;
   pdos_[node] = {};
 }
 

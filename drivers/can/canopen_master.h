@@ -113,7 +113,7 @@ class CanopenMaster {
 
   const NodeStatus& node(std::uint8_t node) const { return nodes_[node]; }
   const ReceivedPdo& received(int number, std::uint8_t node) const;
-  /// Forgets heartbeat and PDOs of a node, as before anything was heard of it.
+  /// Waits for a node's next heartbeat and PDOs as if none had been heard; boots and emergencies stay counted.
   void forget(std::uint8_t node);
 
   const BusFaults& bus_faults() const { return faults_; }
