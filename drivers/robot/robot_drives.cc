@@ -119,7 +119,8 @@ RobotDrives::RobotDrives(can::CanBus& bus, const Clock& clock, const DrivesRig& 
       master_(bus, clock, master_options(rig)),
       joints_(rig.joints.size()),
       mecanum_(kinematics_of(rig)),
-      twist_limiter_(twist_limiter_of(rig)) {
+      twist_limiter_(twist_limiter_of(rig)),
+      next_cycle_(clock.monotonic() + rig.cycle) {
   if (rig.axes() > kMostAxes) throw std::invalid_argument("RobotDrives: more than 16 axes");
   for (const JointRig& joint : rig.joints) {
     Axis axis;
@@ -322,6 +323,7 @@ void RobotDrives::cycle(const RobotCommand& command) {
   wait_for_cycle();
   state_.time = clock_.monotonic();
   ++state_.cycle;
+  if (state_.phase == DrivesPhase::kOff) return;
   for (std::size_t i = 0; i < axes_.size(); ++i) take_feedback(i);
   take_odometry();
   for (std::size_t i = 0; i < axes_.size(); ++i) supervise(i);

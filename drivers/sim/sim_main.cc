@@ -1,6 +1,8 @@
-// vantage-sim: a room, an object and a stereo camera that another program moves. docs/simulator.md.
+// vantage-sim: a room, an object and a stereo camera that another program moves; drives on a CAN bus.
+// docs/simulator.md.
 
 #include <array>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -11,12 +13,15 @@
 
 #include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <poll.h>
 #include <sys/signalfd.h>
 
 #include "calib/files/input_error.h"
 #include "calib/files/ply.h"
 #include "calib/look_at.h"
 #include "calib/program.h"
+#include "calib/rig.h"
+#include "drivers/sim/drive_service.h"
 #include "drivers/sim/mesh.h"
 #include "drivers/sim/server.h"
 #include "drivers/sim/snapshot.h"
@@ -43,11 +48,13 @@ struct Arguments {
   std::string truth;
   std::string snapshot;
   std::vector<double> eye = {0.6, 0, 0.35};
+  std::string can;
+  std::string rig;
 };
 
 void declare(CLI::App& app, Arguments& a) {
   app.set_version_flag("--version", std::string("vantage-sim ") + VANTAGE_VERSION);
-  app.add_option("--object", a.object, "mesh to look at: PLY, OBJ, GLB (scripts/fetch-models has some)")->required();
+  app.add_option("--object", a.object, "mesh to look at: PLY, OBJ, GLB (scripts/fetch-models has some)");
   app.add_option("--object-size", a.object_size_m, "its largest side, metres")->capture_default_str();
   app.add_option("--up", a.up, "which axis of the file points up (default: y for OBJ and GLB, else z)")
       ->check(CLI::IsMember({"y", "z"}));
@@ -63,6 +70,8 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--pose", a.eye, "where the snapshot's camera stands, x,y,z in metres; it looks at the object")
       ->delimiter(',')
       ->expected(3);
+  app.add_option("--can", a.can, "serve a robot's drives on this CAN interface, or on sim:SOCKET");
+  app.add_option("--rig", a.rig, "rig file that describes the drives (calib/rigs/youbot.yaml)");
 }
 
 StereoOptions stereo_options(const Arguments& arguments) {
@@ -120,13 +129,38 @@ int serve(const Arguments& arguments, const StereoCamera& camera, const Eigen::V
   return kExitFailure;
 }
 
-int run(const Arguments& arguments) {
-  if (arguments.socket.empty() && arguments.truth.empty() && arguments.snapshot.empty()) {
-    throw InputError("nothing to do; give --socket PATH, --write-truth FILE or --snapshot FILE");
+/// Drives on a CAN bus, in a thread of their own. Nothing when none are asked for.
+std::unique_ptr<DriveService> serve_drives(const Arguments& arguments) {
+  if (arguments.can.empty()) return nullptr;
+  if (arguments.rig.empty()) throw InputError("--can needs --rig FILE, which describes the drives");
+  const Rig rig = load_rig(arguments.rig);
+  if (!rig.drives) throw InputError(arguments.rig + ": describes no drives; try calib/rigs/youbot.yaml");
+  auto service = std::make_unique<DriveService>(arguments.can, *rig.drives, arguments.seed);
+  fmt::print("vantage-sim: {} drives on {}\n", rig.drives->axes(), arguments.can);
+  std::fflush(stdout);
+  return service;
+}
+
+void wait_for(const FileDescriptor& signals) {
+  pollfd polled{signals.get(), POLLIN, 0};
+  while (::poll(&polled, 1, -1) < 0 && errno == EINTR) {
   }
+}
+
+int run(const Arguments& arguments) {
+  const bool shows = !arguments.socket.empty() || !arguments.truth.empty() || !arguments.snapshot.empty();
+  if (!shows && arguments.can.empty()) {
+    throw InputError("nothing to do; give --socket PATH, --can IFACE, --write-truth FILE or --snapshot FILE");
+  }
+  if (shows && arguments.object.empty()) throw InputError("--object FILE is needed to have something to look at");
   const StereoOptions stereo = stereo_options(arguments);
   FileDescriptor signals;
-  if (!arguments.socket.empty()) signals = catch_signals();
+  if (!arguments.socket.empty() || !arguments.can.empty()) signals = catch_signals();
+  const std::unique_ptr<DriveService> drives = serve_drives(arguments);
+  if (!shows) {
+    wait_for(signals);
+    return kExitOk;
+  }
   MeshOptions mesh_options;
   mesh_options.size_m = arguments.object_size_m;
   if (!arguments.up.empty()) mesh_options.up = arguments.up == "y" ? UpAxis::kY : UpAxis::kZ;
@@ -150,7 +184,7 @@ int run(const Arguments& arguments) {
 }  // namespace vantage::sim
 
 int main(int argc, char** argv) {
-  CLI::App app("Simulates a room, an object and a stereo camera, and serves what it sees.");
+  CLI::App app("Simulates a room, an object and a stereo camera, and the drives of a robot.");
   vantage::sim::Arguments arguments;
   vantage::sim::declare(app, arguments);
   try {
