@@ -26,9 +26,11 @@ struct GreyImage {
 struct Frame {
   std::int64_t capture_time_ns = 0;  ///< CLOCK_MONOTONIC of the machine that runs the camera, middle of the exposure
   std::uint64_t sequence = 0;        ///< gaps are dropped frames
-  double exposure_s = 0;
-  GreyImage image;                                  ///< the (left) camera
-  GreyImage right_image;                            ///< the right camera of a stereo pair; empty for a single camera
+  double exposure_s = 0;             ///< 0: not known
+  int gain = 0;                      ///< in the camera's own steps; 0: not known
+  int white_balance_k = 0;           ///< kelvin; 0: not known
+  GreyImage image;                   ///< the (left) camera
+  GreyImage right_image;             ///< the right camera of a stereo pair; empty for a single camera
   std::optional<Eigen::Isometry3d> T_world_camera;  ///< where whoever carries the camera says it was
 };
 
