@@ -45,7 +45,10 @@ test_devices() {
   [[ ! -e /dev/video4 ]] || fail "there is a third camera"
   can_frames_pass
   line_delays
-  camera_shows_what_is_written 2
+  local pixels=$((640 * 480))
+  camera_shows_what_is_written 2 GREY $pixels
+  camera_shows_what_is_written 2 YUYV $((2 * pixels))
+  camera_shows_what_is_written 0 NV12 $((3 * pixels / 2))
 }
 
 can_frames_pass() {
@@ -85,28 +88,29 @@ line_delays() {
   ((took_ms >= 80 && took_ms < 160)) || fail "an answer took $took_ms ms instead of 80"
 }
 
-# camera_shows_what_is_written NODE: of 40 frames captured while eight different ones are written round and round, each is
-# one of the eight to the byte, but for those before the writer started; and all eight come.
+# camera_shows_what_is_written NODE FORMAT BYTES: of 20 frames captured while eight different ones of so many bytes are
+# written round and round, each is one of the eight to the byte, but for the first ones; and all eight come.
 camera_shows_what_is_written() {
-  local size=$((2 * 640 * 480)) capture=$1 output=$(($1 + 1))
-  perl -e 'my ($size, $state) = ($ARGV[0], 1);
-    for (1 .. 8) { my @words; for (1 .. $size / 4) { $state = ($state * 1664525 + 1013904223) % 2**32; push @words, $state }
-      print pack("L*", @words) }' "$size" >"$scratch/written"
-  local format=width=640,height=480,pixelformat=YUYV
-  v4l2-ctl -d "$capture" --set-fmt-video "$format" >"$scratch/format" || fail "no format: $(<"$scratch/format")"
-  v4l2-ctl -d "$output" --set-fmt-video-out "$format" >"$scratch/format" || fail "no format: $(<"$scratch/format")"
+  local capture=$1 output=$(($1 + 1)) format=width=640,height=480,pixelformat=$2 size=$3
+  # The rows of a frame differ, since 997 is prime; the frames differ by their first byte.
+  perl -e 'my $size = $ARGV[0];
+    for my $k (1 .. 8) { my $row = join "", map { chr(($_ * $_ + 31 * $k) % 251) } 0 .. 996;
+      print substr($row x ($size / 997 + 1), 0, $size) }' "$size" >"$scratch/written"
+  v4l2-ctl -d "$capture" --set-fmt-video "$format" >"$scratch/format" || fail "no $2: $(<"$scratch/format")"
+  v4l2-ctl -d "$output" --set-fmt-video-out "$format" >"$scratch/format" || fail "no $2: $(<"$scratch/format")"
   v4l2-ctl -d "$output" --stream-out-mmap --stream-from="$scratch/written" --stream-loop >"$scratch/writer" 2>&1 &
   local writer=$!
-  timeout 60 v4l2-ctl -d "$capture" --stream-mmap --stream-skip=10 --stream-count=40 --stream-to="$scratch/captured" \
-    >"$scratch/reader" 2>&1 || fail "no frames: $(<"$scratch/reader")"
+  timeout 60 v4l2-ctl -d "$capture" --stream-mmap --stream-skip=5 --stream-count=20 --stream-to="$scratch/captured" \
+    >"$scratch/reader" 2>&1 || fail "no frames of $2: $(<"$scratch/reader")"
   kill "$writer"
+  wait "$writer"
   digests() { split -b "$size" --filter=sha256sum "$scratch/$1"; }
   digests written | sort -u >"$scratch/known"
-  (($(wc -l <"$scratch/known") == 8)) || fail "the written frames are not eight"
+  (($(wc -l <"$scratch/known") == 8)) || fail "the written frames of $2 are not eight"
   digests captured >"$scratch/seen"
-  (($(wc -l <"$scratch/seen") == 40)) || fail "not forty frames came"
-  (($(grep -cvxFf "$scratch/known" "$scratch/seen") == 0)) || fail "a frame came that nobody has written"
-  (($(sort -u "$scratch/seen" | wc -l) == 8)) || fail "not all eight frames came"
+  (($(wc -l <"$scratch/seen") == 20)) || fail "not twenty frames of $2 came"
+  (($(grep -cvxFf "$scratch/known" "$scratch/seen") == 0)) || fail "a frame of $2 came that nobody has written"
+  (($(sort -u "$scratch/seen" | wc -l) == 8)) || fail "not all eight frames of $2 came"
 }
 
 # --- The command's status, output, arguments, folder and environment pass through.
