@@ -51,8 +51,12 @@ endfunction()
 
 # vantage_vm_test(NAME COMMAND argument... [OPTIONS option...]): a test inside the virtual machine of scripts/vm-test, whose
 # options those are. Counted as skipped where no machine can be had. The time-out leaves room for building its kernel.
+# Programs with sanitizers do not start in User-mode Linux, so that they get the slow machine.
 function(vantage_vm_test name)
   cmake_parse_arguments(ARG "" "" "COMMAND;OPTIONS" ${ARGN})
+  if(VANTAGE_SANITIZE)
+    list(APPEND ARG_OPTIONS -e tcg)
+  endif()
   add_test(NAME ${name} COMMAND ${PROJECT_SOURCE_DIR}/scripts/vm-test ${ARG_OPTIONS} -- ${ARG_COMMAND})
   set_tests_properties(${name} PROPERTIES SKIP_RETURN_CODE 125 TIMEOUT 900 LABELS vm)
 endfunction()
