@@ -65,7 +65,7 @@ JointRig read_joint(YamlMap map, const std::string& name, std::set<int>* nodes) 
   // The switch closes at the end that the zero is nearer to.
   const bool upper_end = std::abs(joint.zero_rad - joint.upper_rad) < std::abs(joint.zero_rad - joint.lower_rad);
   const double gap = std::min(std::abs(joint.zero_rad - joint.upper_rad), std::abs(joint.zero_rad - joint.lower_rad));
-  if (gap > 0.5 * (joint.upper_rad - joint.lower_rad)) map.fail("zero", "lies far from both ends of the range");
+  if (gap > 0.1 * (joint.upper_rad - joint.lower_rad)) map.fail("zero", "lies far from both ends of the range");
   joint.homing_method = upper_end == (joint.drive.sign > 0) ? 18 : 17;
   const double reach = std::max(std::abs(joint.lower_rad - joint.zero_rad), std::abs(joint.upper_rad - joint.zero_rad));
   if (std::abs(joint.drive.increments_per_rad()) * reach > kMostIncrements) {

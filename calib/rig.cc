@@ -36,6 +36,12 @@ void read_coefficients(YamlMap& map, std::string_view key, CoefficientCount coun
   std::copy(values.begin(), values.end(), camera->coefficients.begin());
 }
 
+double read_positive(YamlMap& map, std::string_view key, Quantity kind) {
+  const double value = map.quantity(key, kind);
+  if (value <= 0) map.fail(key, "must be positive");
+  return value;
+}
+
 int read_image_side(YamlMap& map, std::string_view key) {
   constexpr std::int64_t kLargest = 1 << 15;
   const std::int64_t value = map.integer(key);
@@ -43,7 +49,23 @@ int read_image_side(YamlMap& map, std::string_view key) {
   return static_cast<int>(value);
 }
 
-CameraModel read_rig_camera(YamlMap map) {
+std::optional<int> read_steps(YamlMap& map, std::string_view key) {
+  if (!map.has(key)) return {};
+  const std::int64_t value = map.integer(key);
+  if (value < 0 || value > 1'000'000) map.fail(key, "expected 0 to 1000000");
+  return static_cast<int>(value);
+}
+
+CaptureRig read_capture(YamlMap& map) {
+  CaptureRig capture;
+  if (map.has("frame_rate")) capture.rate_hz = read_positive(map, "frame_rate", Quantity::kFrequency);
+  if (map.has("exposure")) capture.exposure_s = read_positive(map, "exposure", Quantity::kDuration);
+  capture.gain = read_steps(map, "gain");
+  capture.white_balance_k = read_steps(map, "white_balance_kelvin");
+  return capture;
+}
+
+CameraModel read_rig_camera(YamlMap map, CaptureRig* capture) {
   CameraModel camera;
   CoefficientCount count{};
   camera.distortion = read_distortion(map, "model", &count);
@@ -54,6 +76,7 @@ CameraModel read_rig_camera(YamlMap map) {
   camera.fx = focal[0], camera.fy = focal[1], camera.cx = centre[0], camera.cy = centre[1];
   read_coefficients(map, "distortion", count, &camera);
   if (std::string why; !camera.valid(&why)) map.fail("focal_length", why);
+  *capture = read_capture(map);
   map.finish();
   return camera;
 }
@@ -69,18 +92,12 @@ Eigen::Isometry3d read_pose(YamlMap map) {
   return Eigen::Translation3d(t[0], t[1], t[2]) * rotation.normalized();
 }
 
-double read_positive(YamlMap& map, std::string_view key, Quantity kind) {
-  const double value = map.quantity(key, kind);
-  if (value <= 0) map.fail(key, "must be positive");
-  return value;
-}
-
 Rig read_rig(YamlMap root) {
   if (root.integer("rig_version") != kRigFileVersion) {
     root.fail("rig_version", "this program reads version " + std::to_string(kRigFileVersion));
   }
   Rig rig;
-  rig.camera = read_rig_camera(root.map("camera"));
+  rig.camera = read_rig_camera(root.map("camera"), &rig.capture);
   if (root.has("stereo_baseline")) rig.stereo_baseline_m = read_positive(root, "stereo_baseline", Quantity::kLength);
   if (root.has("T_wrist_camera")) rig.T_wrist_camera = read_pose(root.map("T_wrist_camera"));
   YamlMap limits = root.map("limits");

@@ -11,9 +11,18 @@
 
 namespace vantage {
 
+/// How the camera is set, so that frames can be compared. What is not told stays as the camera has it.
+struct CaptureRig {
+  double rate_hz = 30;
+  std::optional<double> exposure_s;
+  std::optional<int> gain;             ///< in the camera's own steps
+  std::optional<int> white_balance_k;  ///< kelvin
+};
+
 /// One robot's measured geometry and the limits it is run at: what a rig file holds (calib/rigs/*.yaml).
 struct Rig {
-  CameraModel camera;            ///< the (left) camera
+  CameraModel camera;  ///< the (left) camera
+  CaptureRig capture;
   double stereo_baseline_m = 0;  ///< right camera at +x of the left one, same intrinsics; 0: a single camera
   Eigen::Isometry3d T_wrist_camera = Eigen::Isometry3d::Identity();
   double linear_speed_limit_m_s = 0;

@@ -6,9 +6,11 @@
 #include "calib/files/input_error.h"
 #include "calib/program.h"
 #include "calib/rig.h"
+#include "calib/shipped_rig.h"
 #include "drivers/robot/camera_carrier.h"
 #include "drivers/sim/sim_camera.h"
 #include "lcmtypes/link/lcm_bus.h"
+#include "onboard/hardware_check.h"
 #include "onboard/robot_link.h"
 
 namespace vantage {
@@ -19,6 +21,8 @@ struct Arguments {
   std::string rig;
   std::string lcm = LcmBus::kDefaultUrl;
   OnLostPlanner on_lost_planner = OnLostPlanner::kEnd;
+  std::string can = "none";
+  bool check = false, list_cameras = false;
 };
 
 class FreeFlyingCarrier final : public CameraCarrier {
@@ -34,7 +38,9 @@ class FreeFlyingCarrier final : public CameraCarrier {
 std::string socket_of(const std::string& camera) {
   constexpr std::string_view kSimulator = "sim:";
   if (!camera.starts_with(kSimulator) || camera.size() == kSimulator.size()) {
-    throw InputError("--camera " + camera + ": expected sim:SOCKET, the socket that vantage-sim serves");
+    throw InputError(
+        "--camera " + camera + ": expected sim:SOCKET, the socket that vantage-sim serves" +
+        (camera.starts_with("v4l2:") || camera.starts_with("images:") ? "; others only with --check" : ""));
   }
   return camera.substr(kSimulator.size());
 }
@@ -50,7 +56,19 @@ void require_same_camera(const Rig& rig, const std::string& rig_path, const sim:
                    " m): give the rig file of the camera that is there");
 }
 
+int check(const Arguments& arguments) {
+  const std::string can = arguments.can == "none" ? "" : arguments.can;
+  if (arguments.camera.empty() && can.empty()) throw InputError("--check needs --camera, --can or both");
+  const std::string rig = arguments.rig.empty() ? shipped_rig("youbot.yaml").string() : arguments.rig;
+  return check_hardware(load_rig(rig), rig, arguments.camera, can);
+}
+
 int run(const Arguments& arguments) {
+  if (arguments.list_cameras) return list_cameras();
+  if (arguments.check) return check(arguments);
+  if (arguments.rig.empty()) throw InputError("--rig FILE is needed, e.g. calib/rigs/simulated_stereo.yaml");
+  if (arguments.can != "none")
+    throw InputError("--can " + arguments.can + ": drives are only used with --check so far");
   const std::atomic<bool>& interrupted = interrupt_flag();
   const std::string socket = socket_of(arguments.camera);
   const Rig rig = load_rig(arguments.rig);
@@ -89,8 +107,13 @@ int main(int argc, char** argv) {
   using namespace vantage;
   CLI::App app("The robot's program of Vantage: camera to depth maps, goals to motion.", "vantage-onboard");
   Arguments arguments;
-  app.add_option("--camera", arguments.camera, "sim:SOCKET: the simulator's stereo camera")->required();
-  app.add_option("--rig", arguments.rig, "rig file: camera, baseline, limits (calib/rigs/*.yaml)")->required();
+  app.add_option("--camera", arguments.camera,
+                 "sim:SOCKET: the simulator's stereo camera; with --check v4l2:DEVICE or images:FOLDER");
+  app.add_option("--rig", arguments.rig,
+                 "rig file: camera, baseline, limits, drives (calib/rigs/*.yaml; with --check youbot.yaml)");
+  app.add_option("--can", arguments.can, "the drives' bus: an interface, sim:SOCKET, or none")->capture_default_str();
+  app.add_flag("--check", arguments.check, "look at camera and drives, move nothing, and end");
+  app.add_flag("--list-cameras", arguments.list_cameras, "tell cameras, formats and frame rates, and end");
   app.add_option("--lcm", arguments.lcm, "LCM address")->capture_default_str();
   app.add_option("--on-lost-planner", arguments.on_lost_planner, "when the planner falls silent: end, or hold still")
       ->transform(CLI::CheckedTransformer(

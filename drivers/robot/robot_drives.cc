@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 #include <utility>
 
@@ -255,7 +256,7 @@ std::string RobotDrives::disable() {
 }
 
 std::string RobotDrives::restart_bus() {
-  if (fault_.of_bus && fault_.bus.bus_off != 0 && master_.bus_faults().restarted == 0) {
+  if (fault_.source == DrivesFault::Source::kBus && fault_.bus.bus_off != 0 && master_.bus_faults().restarted == 0) {
     std::string why;
     if (!bus_.restart(&why)) return why;
     const nanoseconds deadline = clock_.monotonic() + seconds(1);
@@ -288,8 +289,15 @@ std::string RobotDrives::recover() {
 }
 
 std::string RobotDrives::fault_text() const {
-  if (!fault_.any) return "";
-  if (fault_.of_bus) return bus_.name() + ": " + to_text(fault_.bus);
+  if (fault_.source == DrivesFault::Source::kNone) return "";
+  if (fault_.source == DrivesFault::Source::kBus) return bus_.name() + ": " + to_text(fault_.bus);
+  if (fault_.source == DrivesFault::Source::kStall) {
+    char text[128];
+    std::snprintf(text, sizeof text,
+                  "this computer's loop stood still for %.2f s; the drives have stopped by themselves",
+                  seconds_of(fault_.stalled));
+    return text;
+  }
   AxisFailure failure = fault_.failure;
   const Axis& axis = axes_[fault_.axis];
   // The emergency that tells why may come just after the statusword.
@@ -307,23 +315,25 @@ void RobotDrives::aim_all(AxisAim aim) {
 
 void RobotDrives::resume_cycles() { next_cycle_ = clock_.monotonic() + rig_.cycle; }
 
-void RobotDrives::wait_for_cycle() {
+nanoseconds RobotDrives::wait_for_cycle() {
   master_.sleep_until(next_cycle_);
-  const nanoseconds now = clock_.monotonic();
-  punctuality_.add(now - next_cycle_);
+  const nanoseconds now = clock_.monotonic(), late = now - next_cycle_;
+  punctuality_.add(late);
   next_cycle_ += rig_.cycle;
-  if (now < next_cycle_) return;
+  if (now < next_cycle_) return late;
   // Late by more than a cycle: what was missed is left out, never made up for.
   const auto missed = (now - next_cycle_) / rig_.cycle + 1;
   punctuality_.add_missed(static_cast<std::uint64_t>(missed));
   next_cycle_ += missed * nanoseconds(rig_.cycle);
+  return late;
 }
 
 void RobotDrives::cycle(const RobotCommand& command) {
-  wait_for_cycle();
+  const nanoseconds late = wait_for_cycle();
   state_.time = clock_.monotonic();
   ++state_.cycle;
   if (state_.phase == DrivesPhase::kOff) return;
+  if (late > rig_.stop_after && state_.phase == DrivesPhase::kEnabled) fail_stall(late);
   for (std::size_t i = 0; i < axes_.size(); ++i) take_feedback(i);
   take_odometry();
   for (std::size_t i = 0; i < axes_.size(); ++i) supervise(i);
@@ -415,12 +425,17 @@ void RobotDrives::check_error(Axis& axis, std::size_t i) {
 }
 
 void RobotDrives::fail_axis(std::size_t i) {
-  fault_ = {true, false, i, axes_[i].machine.failure(), {}, state_.time};
+  fault_ = {DrivesFault::Source::kAxis, i, axes_[i].machine.failure(), {}, nanoseconds(0), state_.time};
   stop_all();
 }
 
 void RobotDrives::fail_bus() {
-  fault_ = {true, true, 0, {}, master_.bus_faults(), state_.time};
+  fault_ = {DrivesFault::Source::kBus, 0, {}, master_.bus_faults(), nanoseconds(0), state_.time};
+  stop_all();
+}
+
+void RobotDrives::fail_stall(nanoseconds stalled) {
+  fault_ = {DrivesFault::Source::kStall, 0, {}, {}, stalled, state_.time};
   stop_all();
 }
 

@@ -21,11 +21,17 @@ namespace vantage {
 
 /// Why everything was stopped. Made without allocation.
 struct DrivesFault {
-  bool any = false;
-  bool of_bus = false;
-  std::size_t axis = 0;  ///< unless it is of the bus
+  enum class Source : std::uint8_t {
+    kNone,
+    kAxis,
+    kBus,
+    kStall  ///< this computer's loop stood still for longer than the drives wait
+  };
+  Source source = Source::kNone;
+  std::size_t axis = 0;  ///< of kAxis
   can::AxisFailure failure;
   can::BusFaults bus;
+  std::chrono::nanoseconds stalled{0};
   std::chrono::nanoseconds time{0};
 };
 
@@ -68,6 +74,9 @@ class RobotDrives {
   void clear_punctuality() { punctuality_.clear(); }
   const can::CanopenMaster& master() const { return master_; }
   std::string axis_name(std::size_t axis) const { return axes_[axis].setup.name; }
+  int node(std::size_t axis) const { return axes_[axis].setup.node; }
+  /// What 6064 says, in the joint's or wheel's radians: means an angle only after homing.
+  double encoder_angle_rad(std::size_t axis) const { return axes_[axis].increments / axes_[axis].increments_per_rad; }
 
  private:
   struct Axis {
@@ -97,9 +106,11 @@ class RobotDrives {
   void send_set_point(std::size_t i);
   void fail_axis(std::size_t i);
   void fail_bus();
+  void fail_stall(std::chrono::nanoseconds stalled);
   void stop_all();
   void aim_all(can::AxisAim aim);
-  void wait_for_cycle();
+  /// How late the cycle begins.
+  std::chrono::nanoseconds wait_for_cycle();
   void resume_cycles();
   /// Runs cycles until `done`, a fault, or `limit` has passed.
   std::string run_until(const std::function<bool()>& done, std::chrono::nanoseconds limit, const char* what);

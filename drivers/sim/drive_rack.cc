@@ -3,15 +3,13 @@
 #include <cmath>
 #include <random>
 
-#include <poll.h>
-
 namespace vantage::sim {
 namespace {
 
 constexpr double kOvertravel = 0.06;      // rad from the end of a joint's range to its mechanical stop, past the switch
 constexpr double kMostAcceleration = 60;  // rad/s2 that a joint's motor can give
 constexpr double kMostWheelAcceleration = 300;
-constexpr std::chrono::milliseconds kTick{2};
+constexpr std::chrono::milliseconds kTick{5};
 
 std::vector<std::uint32_t> identifiers_for(const std::vector<SimDriveOptions>& drives) {
   std::vector<std::uint32_t> ids{can::kNmtId, can::kSyncId};
@@ -73,17 +71,16 @@ void DriveRack::start() {
 }
 
 void DriveRack::step() {
-  for (const auto& drive : drives_) drive->advance(clock_.monotonic(), bus_);
+  const std::chrono::nanoseconds now = clock_.monotonic();
+  for (const auto& drive : drives_) drive->advance(now, bus_);
   can::CanFrame frame;
   while (bus_.receive(&frame) == can::ReceiveResult::kFrame) {
     for (const auto& drive : drives_) drive->receive(frame, bus_);
   }
 }
 
-void DriveRack::serve(int stop) {
-  while (true) {
-    pollfd polled{stop, POLLIN, 0};
-    if (stop >= 0 && ::poll(&polled, 1, 0) > 0) return;
+void DriveRack::serve(const std::atomic<bool>& stop) {
+  while (!stop) {
     bus_.wait_until(clock_.monotonic() + kTick);
     step();
   }

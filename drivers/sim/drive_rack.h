@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -26,8 +27,8 @@ class DriveRack {
   void start();
   /// Lets time pass up to now and answers what came in.
   void step();
-  /// Steps until `stop` (a descriptor, or -1) becomes readable: wakes for frames, and for time every two milliseconds.
-  void serve(int stop);
+  /// Steps until `stop`: wakes for frames, and for time every five milliseconds.
+  void serve(const std::atomic<bool>& stop);
 
   std::vector<std::unique_ptr<SimDrive>>& drives() { return drives_; }
 

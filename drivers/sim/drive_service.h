@@ -1,12 +1,12 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 
 #include "calib/drives_rig.h"
-#include "calib/files/file_descriptor.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/sim/drive_rack.h"
 #include "lcmtypes/link/clock.h"
@@ -26,7 +26,7 @@ class DriveService {
   SystemClock clock_;
   std::unique_ptr<can::CanBus> bus_;
   DriveRack rack_;
-  FileDescriptor stop_;
+  std::atomic<bool> stop_{false};
   std::thread thread_;
 };
 

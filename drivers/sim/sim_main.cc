@@ -21,6 +21,7 @@
 #include "calib/look_at.h"
 #include "calib/program.h"
 #include "calib/rig.h"
+#include "calib/shipped_rig.h"
 #include "drivers/sim/drive_service.h"
 #include "drivers/sim/mesh.h"
 #include "drivers/sim/server.h"
@@ -71,7 +72,7 @@ void declare(CLI::App& app, Arguments& a) {
       ->delimiter(',')
       ->expected(3);
   app.add_option("--can", a.can, "serve a robot's drives on this CAN interface, or on sim:SOCKET");
-  app.add_option("--rig", a.rig, "rig file that describes the drives (calib/rigs/youbot.yaml)");
+  app.add_option("--rig", a.rig, "rig file that describes the drives (default: calib/rigs/youbot.yaml)");
 }
 
 StereoOptions stereo_options(const Arguments& arguments) {
@@ -132,9 +133,9 @@ int serve(const Arguments& arguments, const StereoCamera& camera, const Eigen::V
 /// Drives on a CAN bus, in a thread of their own. Nothing when none are asked for.
 std::unique_ptr<DriveService> serve_drives(const Arguments& arguments) {
   if (arguments.can.empty()) return nullptr;
-  if (arguments.rig.empty()) throw InputError("--can needs --rig FILE, which describes the drives");
-  const Rig rig = load_rig(arguments.rig);
-  if (!rig.drives) throw InputError(arguments.rig + ": describes no drives; try calib/rigs/youbot.yaml");
+  const std::string path = arguments.rig.empty() ? shipped_rig("youbot.yaml").string() : arguments.rig;
+  const Rig rig = load_rig(path);
+  if (!rig.drives) throw InputError(path + ": describes no drives; try calib/rigs/youbot.yaml");
   auto service = std::make_unique<DriveService>(arguments.can, *rig.drives, arguments.seed);
   fmt::print("vantage-sim: {} drives on {}\n", rig.drives->axes(), arguments.can);
   std::fflush(stdout);

@@ -1,6 +1,9 @@
 #include "calib/rig.h"
 
+#include <array>
+#include <cmath>
 #include <fstream>
+#include <sstream>
 
 #include <gtest/gtest.h>
 
@@ -89,6 +92,66 @@ TEST_F(RigFile, RefusesWhatMakesNoSense) {
   EXPECT_NE(fault("limits:\n", "limits: 3\nelse:\n").find("expected a mapping"), std::string::npos);
   EXPECT_NE(fault("  width: 640\n", "").find("width: is missing"), std::string::npos);
   EXPECT_NE(fault("width: 640", "width: [640").find("not YAML"), std::string::npos);
+}
+
+TEST_F(RigFile, TellsHowTheCameraIsSet) {
+  std::string text = kRig;
+  text.insert(text.find("stereo_baseline"),
+              "  frame_rate: 25 Hz\n  exposure: 8 ms\n  gain: 16\n  white_balance_kelvin: 4500\n");
+  const Rig rig = load_rig(write(text));
+  EXPECT_EQ(rig.capture.rate_hz, 25);
+  EXPECT_DOUBLE_EQ(*rig.capture.exposure_s, 0.008);
+  EXPECT_EQ(rig.capture.gain, 16);
+  EXPECT_EQ(rig.capture.white_balance_k, 4500);
+  const Rig plain = load_rig(write(kRig));
+  EXPECT_EQ(plain.capture.rate_hz, 30);
+  EXPECT_FALSE(plain.capture.exposure_s);
+}
+
+TEST_F(RigFile, DrivesAreReadInSiUnitsWithTheirScale) {
+  const DrivesRig drives = *load_rig(VANTAGE_SOURCE_DIR "/calib/rigs/youbot.yaml").drives;
+  ASSERT_EQ(drives.axes(), 9U);
+  // hardware-facts: increments a joint's revolution.
+  constexpr std::array kTurn{624'000.0, 624'000.0, 400'000.0, 284'000.0, 284'000.0};
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_NEAR(drives.joints[i].drive.increments_per_rad() * 2 * M_PI, kTurn[i], 1e-6) << i;
+  }
+  EXPECT_NEAR(drives.joints[1].upper_rad, M_PI / 2, 1e-12);
+  EXPECT_EQ(drives.joints[0].homing_method, 18);  // its switch is at the upper end, where increments grow
+  EXPECT_EQ(drives.joints[1].homing_method, 17);
+  EXPECT_NEAR(drives.base->wheels[0].increments_per_rad() * 2 * M_PI, -4000 * 9405.0 / 364, 1e-6);
+  EXPECT_EQ(drives.cycle, std::chrono::milliseconds(10));
+}
+
+TEST_F(RigFile, DrivesThatMakeNoSenseAreNamed) {
+  std::string text;
+  {
+    std::ostringstream all;
+    all << std::ifstream(VANTAGE_SOURCE_DIR "/calib/rigs/youbot.yaml").rdbuf();
+    text = all.str();
+  }
+  const auto fault_of = [&text](const std::string& from, const std::string& to) -> std::string {
+    std::string changed = text;
+    const std::size_t at = changed.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    changed.replace(at, from.size(), to);
+    try {
+      parse_rig(changed, "text");
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(fault_of("node: 1", "node: 1"), "");
+  EXPECT_NE(fault_of("node: 2", "node: 1").find("another drive has it already"), std::string::npos);
+  EXPECT_NE(fault_of("node: 1", "node: 127").find("expected 1 to 126"), std::string::npos);
+  EXPECT_NE(fault_of("gear: [156, 1]", "gear: [0, 1]").find("both positive"), std::string::npos);
+  EXPECT_NE(fault_of("sign: 1", "sign: 0").find("expected 1 or -1"), std::string::npos);
+  EXPECT_NE(fault_of("zero: 170 deg", "zero: 0 deg").find("far from both ends"), std::string::npos);
+  EXPECT_NE(fault_of("[-169 deg, 169 deg]", "[169 deg, -169 deg]").find("[lower, upper]"), std::string::npos);
+  EXPECT_NE(fault_of("stop_after: 100 ms", "stop_after: 30 ms").find("at least two heartbeats"), std::string::npos);
+  EXPECT_NE(fault_of("300 deg/s2", "300 deg/s").find("expected a number with its unit"), std::string::npos);
+  EXPECT_NE(fault_of("cycle: 10 ms", "cycle: 10.5 ms").find("whole milliseconds"), std::string::npos);
 }
 
 TEST_F(RigFile, AbsentFileIsNamed) {
