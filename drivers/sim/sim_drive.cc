@@ -261,18 +261,26 @@ void SimDrive::on_sync(can::CanBus& bus) {
   }
 }
 
+/// A PDO is taken as a whole: the controlword acts when everything else is there.
 void SimDrive::apply_rpdo(int pdo, std::span<const std::uint8_t> data) {
   const std::uint16_t mapping = can::pdo_mapping(PdoDirection::kToDrive, pdo);
+  std::optional<std::int64_t> word;
   for (std::uint8_t sub = 1; sub <= dictionary_.get({mapping, 0}); ++sub) {
     const std::int64_t entry = dictionary_.get({mapping, sub});
     const ObjectAddress object{static_cast<std::uint16_t>(entry >> 16), static_cast<std::uint8_t>(entry >> 8)};
     const auto bytes = static_cast<std::size_t>(entry & 0xFF) / 8;
-    if (bytes > data.size()) return;
+    if (bytes > data.size()) break;
     const auto known = can::profile_objects().find(object);
     const bool with_sign = known != can::profile_objects().end() && can::is_signed(known->second.type);
-    dictionary_.write(object, can::get_number(data.first(bytes), with_sign));
+    const std::int64_t value = can::get_number(data.first(bytes), with_sign);
     data = data.subspan(bytes);
+    if (object == objects::kControlword) {
+      word = value;
+    } else {
+      dictionary_.write(object, value);
+    }
   }
+  if (word) dictionary_.write(objects::kControlword, *word);
 }
 
 void SimDrive::send_tpdo(int pdo, can::CanBus& bus) {

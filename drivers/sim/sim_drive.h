@@ -25,7 +25,7 @@ inline constexpr can::ObjectAddress kSilentObject{0x2F02,
 struct SimDriveOptions {
   std::uint8_t node = 1;
   std::string label = "axis";
-  MotorOptions motor;
+  MotorOptions motor{};
   /// Machine positions of the limit switches that homing looks for; the switch is closed beyond.
   double negative_switch = -1e12, positive_switch = 1e12;
 };
