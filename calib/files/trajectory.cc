@@ -1,5 +1,6 @@
 #include "calib/files/trajectory.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -77,6 +78,20 @@ std::vector<StampedPose> read_tum_trajectory(const std::filesystem::path& path) 
     trajectory.push_back(std::move(entry));
   }
   return trajectory;
+}
+
+const StampedPose* nearest_pose(const std::vector<StampedPose>& trajectory, double time_s, double largest_gap_s) {
+  const auto after =
+      std::lower_bound(trajectory.begin(), trajectory.end(), time_s,
+                       [](const StampedPose& pose, double sought_s) { return pose.time_s < sought_s; });
+  const StampedPose* nearest = nullptr;
+  for (const auto candidate : {after, after == trajectory.begin() ? after : after - 1}) {
+    if (candidate == trajectory.end()) continue;
+    if (nearest == nullptr || std::abs(candidate->time_s - time_s) < std::abs(nearest->time_s - time_s)) {
+      nearest = &*candidate;
+    }
+  }
+  return nearest != nullptr && std::abs(nearest->time_s - time_s) <= largest_gap_s ? nearest : nullptr;
 }
 
 void write_tum_trajectory(const std::filesystem::path& path, const std::vector<StampedPose>& trajectory) {

@@ -17,7 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLargestTimeGap_s = 0.02;  // between an image and its pose: TUM's own tools use as much
 constexpr double kSevenScenesRate_hz = 30;
 constexpr std::uint16_t kNoDepthLow = 0, kNoDepthHigh = 65535;
 constexpr const char* kDepthSuffix = ".depth.png";
@@ -73,16 +72,8 @@ void read_seven_scenes(const fs::path& folder, Recording* recording) {
 /// Gives each image the pose nearest in time.
 void add_posed(const std::vector<StampedFile>& images, const std::vector<StampedPose>& poses, Recording* recording) {
   for (const StampedFile& image : images) {
-    const auto after = std::lower_bound(poses.begin(), poses.end(), image.time_s,
-                                        [](const StampedPose& pose, double time_s) { return pose.time_s < time_s; });
-    const StampedPose* nearest = nullptr;
-    for (const auto candidate : {after, after == poses.begin() ? after : after - 1}) {
-      if (candidate == poses.end()) continue;
-      if (nearest == nullptr || std::abs(candidate->time_s - image.time_s) < std::abs(nearest->time_s - image.time_s)) {
-        nearest = &*candidate;
-      }
-    }
-    if (nearest == nullptr || std::abs(nearest->time_s - image.time_s) > kLargestTimeGap_s) {
+    const StampedPose* nearest = nearest_pose(poses, image.time_s);
+    if (nearest == nullptr) {
       ++recording->without_pose;
     } else {
       recording->frames.push_back({image.time_s, image.path, nearest->T_world_camera});
