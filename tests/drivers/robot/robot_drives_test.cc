@@ -195,8 +195,7 @@ TEST_F(RunningRobot, DrivesStopByThemselvesWhenTheLoopStalls) {
   // The loop comes back, sees what has happened, and holds everything until it is told to recover.
   run(command, 50);
   EXPECT_EQ(robot().state().phase, DrivesPhase::kFault);
-  EXPECT_NE(robot().fault_text().find("loop stood still for 0."), std::string::npos)
-      << robot().fault_text();
+  EXPECT_NE(robot().fault_text().find("loop stood still for 0."), std::string::npos) << robot().fault_text();
   EXPECT_EQ(robot().recover(), "");
   EXPECT_EQ(robot().enable(), "");
   run(to({0.1, 0, 0, 0, 0}), 500);
