@@ -4,6 +4,11 @@
 option(VANTAGE_BUILD_TESTS "Build the tests and benchmarks" ON)
 set(VANTAGE_SANITIZE "" CACHE STRING "Sanitizers to build with, as -fsanitize= takes them: address,undefined or thread")
 
+option(VANTAGE_FUZZ "Build the fuzz targets (with clang)" OFF)
+if(VANTAGE_FUZZ)
+  add_compile_options(-fsanitize=fuzzer-no-link)
+endif()
+
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE_PROGRAM})

@@ -107,7 +107,7 @@ class Cia402Axis {
   DriveState state_ = DriveState::kNotReady;
   std::uint16_t statusword_ = 0, controlword_ = 0;
   std::uint16_t error_code_ = 0;
-  bool arrived_ = false, was_operating_ = false, reset_raised_ = false, fresh_ = true;
+  bool arrived_ = false, was_operating_ = false, reset_raised_ = false;
   std::chrono::nanoseconds since_{0};  // in this state under this aim
   Phase homing_ = Phase::kIdle, move_ = Phase::kIdle;
   std::chrono::nanoseconds homing_since_{0}, move_since_{0};
