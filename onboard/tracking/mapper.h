@@ -1,0 +1,146 @@
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <unordered_map>
+#include <vector>
+
+#include "calib/camera_model.h"
+#include "onboard/tracking/bundle_adjustment.h"
+#include "onboard/tracking/corner_detector.h"
+#include "onboard/tracking/loop_closure.h"
+#include "onboard/tracking/map.h"
+#include "onboard/tracking/place_index.h"
+#include "onboard/tracking/two_view_start.h"
+
+namespace vantage::tracking {
+
+struct MapperOptions {
+  bool threaded = false;  ///< false: every call does its work before it returns, the same each time
+  DetectorOptions detector;
+  AdjustmentOptions adjustment;
+  LoopOptions loop;
+  int window = 8;                   ///< key frames that a local adjustment moves
+  int fixed_frames = 12;            ///< others that hold it, at most
+  int most_key_frames = 200;        ///< the most redundant one goes when there are more
+  int seeds_per_frame = 200;        ///< at most are updated with one frame
+  double converged_share = 0.08;    ///< a seed is a point when sigma(1/d) * d is below this ...
+  double converged_inliers = 0.53;  ///< ... and its inlier ratio above this
+  bool valid(std::string* why = nullptr) const;
+};
+
+/// A frame whose pose is known relative to a key frame, so that corrections of the map carry it along.
+struct TrackedFrame {
+  std::uint64_t sequence = 0;
+  std::int64_t capture_time_ns = 0;
+  std::shared_ptr<const ImagePyramid> image;
+  KeyFrameId reference = 0;
+  Eigen::Isometry3d T_camera_reference = Eigen::Isometry3d::Identity();
+  std::vector<Feature> features;
+  std::optional<PosePrior> prior;
+};
+
+/// A key frame's pose after a correction.
+struct CorrectedPose {
+  KeyFrameId key_frame = 0;
+  std::uint64_t sequence = 0;
+  std::int64_t capture_time_ns = 0;
+  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+};
+
+/// Owner of the map: seeds, local adjustment, culling, loops; in the caller's thread or in one of its own.
+///
+/// With a thread, frames wait in a bounded queue: a frame that is no key frame is dropped when newer ones wait, a key
+/// frame never. Everything read from the map is read under `mutex()`.
+class Mapper {
+ public:
+  Mapper(const CameraModel& camera, const MapperOptions& options);
+  ~Mapper();
+
+  /// Guards the map and the place index. Held for one frame's search by the tracker, for gathering and writing back by
+  /// the mapper; never while something is solved.
+  std::mutex& mutex() { return mutex_; }
+  Map& map() { return map_; }
+  const PlaceIndex& places() const { return places_; }
+
+  /// Makes a piece of map of two posed views; its scale is such that the points' median distance is `distance_m`.
+  /// Gives the second view back as a tracked frame.
+  TrackedFrame start(const Start& start, double distance_m);
+  /// Makes a piece of map of one frame that the robot has posed; its scene is assumed about `distance_m` away.
+  TrackedFrame start(const StartFrame& frame, const PosePrior& prior, double distance_m);
+  /// Takes away the piece of map that was begun last.
+  void undo_start();
+
+  /// A posed frame, for the seeds.
+  void observe(const TrackedFrame& frame);
+  /// A posed frame that is to be a key frame. Its id, once it is in the map, is reported by `key_frame_of`.
+  void add_key_frame(const TrackedFrame& frame);
+  /// Waits until nothing is left to do.
+  void finish();
+
+  /// Pose of a key frame, or of one that was culled, through its heir. Caller holds the lock.
+  std::optional<Eigen::Isometry3d> T_camera_world(KeyFrameId id) const;
+  int piece_of(KeyFrameId id) const;
+  int pieces() const { return pieces_; }
+  int loops_closed() const { return loops_closed_; }
+  std::uint64_t frames_dropped() const { return dropped_; }
+
+  /// Poses that a loop closure has moved, since the last call.
+  std::vector<CorrectedPose> take_corrections();
+
+ private:
+  struct Task {
+    TrackedFrame frame;
+    bool key_frame = false;
+  };
+  struct Heir {
+    KeyFrameId id;
+    Eigen::Isometry3d T_gone_heir;
+  };
+
+  void submit(Task task);
+  void work();
+  void run(const Task& task);
+  KeyFrameId insert(const TrackedFrame& frame);
+  void create_seeds(KeyFrameId id);
+  void update_seeds(const TrackedFrame& frame);
+  void look_back(KeyFrameId id);
+  enum class SeedFate { kWaiting, kConverged, kHopeless };
+  SeedFate update(const KeyFrame& host, const ImagePyramid& image, const Eigen::Isometry3d& T_camera_world,
+                  Landmark* seed) const;
+  void connect(LandmarkId id);
+  void adjust_locally(KeyFrameId id);
+  void close_loop(KeyFrameId id);
+  void cull(KeyFrameId newest);
+  void drop_key_frame(KeyFrameId id);
+  void index_place(KeyFrameId id);
+
+  CameraModel camera_;
+  MapperOptions options_;
+  LoopCloser loop_closer_;
+
+  mutable std::mutex mutex_;  // guards the members up to the next comment
+  Map map_;
+  PlaceIndex places_;
+  std::unordered_map<KeyFrameId, Heir> heirs_;
+  std::vector<CorrectedPose> corrections_;
+  std::size_t seed_cursor_ = 0;  // where the next frame's updates begin, of all seeds in reach
+  int pieces_ = 0;
+  int loops_closed_ = 0;
+  KeyFrameId newest_ = 0;
+
+  std::mutex queue_mutex_;  // guards the members below
+  std::condition_variable wake_, idle_;
+  std::deque<Task> queue_;
+  bool stop_ = false, busy_ = false;
+  std::uint64_t dropped_ = 0;
+
+  std::thread thread_;
+};
+
+}  // namespace vantage::tracking

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <optional>
+
+#include "onboard/tracking/map_search.h"
+#include "onboard/tracking/place_index.h"
+
+namespace vantage::tracking {
+
+struct Relocalised {
+  Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
+  KeyFrameId place = 0;
+  MapMatches matches;
+  RefinedPose pose;
+};
+
+/// Where is this image in the map? Key frames that look alike (PlaceIndex), their landmarks by descriptor, the pose
+/// from points (P3P in RANSAC with a fixed seed), then the usual search and refinement, which must find `least_inliers`
+/// landmarks at their places. Nothing is taken on trust: what looks alike and fits no pose is refused.
+std::optional<Relocalised> relocalise(const CameraModel& camera, Map* map, const PlaceIndex& places,
+                                      const ImagePyramid& image, MapSearch* search, int least_inliers = 30);
+
+}  // namespace vantage::tracking

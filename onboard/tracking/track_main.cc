@@ -1,0 +1,80 @@
+// vantage-track: where the camera of a recording was. docs/tracking.md.
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <fmt/core.h>
+
+#include "calib/files/input_error.h"
+#include "calib/program.h"
+#include "onboard/tracking/recording_run.h"
+
+namespace vantage::tracking {
+namespace {
+
+struct Arguments {
+  std::string folder, out, states, kinematics;
+  std::vector<double> sigma{0.002, 0.2};
+  std::vector<double> noise;
+  bool one_look = false;
+  TrackerOptions tracker;
+  RunOptions run;
+};
+
+void declare(CLI::App& app, Arguments& a) {
+  app.set_version_flag("--version", std::string("vantage-track ") + VANTAGE_VERSION);
+  app.add_option("DIR", a.folder, "recording in TUM layout: rgb.txt, camera.yaml, groundtruth.txt if known")
+      ->required();
+  app.add_option("--out", a.out, "trajectory to write (TUM), frames that have a pose")->required();
+  app.add_option("--states", a.states, "write state, points and time of every frame");
+  app.add_option("--realtime", a.run.realtime_fps, "frames come at this rate; those that come too early are dropped")
+      ->check(CLI::Range(0.1, 1000.0));
+  app.add_option("--kinematics", a.kinematics, "TUM trajectory: where the robot says the camera was, in metres");
+  app.add_option("--kinematics-sigma", a.sigma, "METRES,DEGREES: its standard deviation")->delimiter(',')->expected(2);
+  app.add_option("--kinematics-noise", a.noise, "METRES,DEGREES,SEED: noise to add to it, to try how much it bears")
+      ->delimiter(',')
+      ->expected(3);
+  app.add_flag("--one-look", a.one_look, "leave frames without a pose that had none when they came");
+}
+
+int run(Arguments& a) {
+  Recording recording = open_recording(a.folder);
+  constexpr double kRadians = M_PI / 180;
+  if (!a.kinematics.empty()) {
+    recording.kinematics = read_tum_trajectory(a.kinematics);
+    if (!(a.sigma[0] > 0 && a.sigma[1] > 0)) throw InputError("--kinematics-sigma: both must be positive");
+    recording.kinematics_sigma_m = a.sigma[0];
+    recording.kinematics_sigma_rad = a.sigma[1] * kRadians;
+    if (!a.noise.empty()) {
+      if (a.noise[2] < 0) throw InputError("--kinematics-noise: the seed must not be negative");
+      recording.kinematics =
+          with_noise(recording.kinematics, a.noise[0], a.noise[1] * kRadians, static_cast<std::uint64_t>(a.noise[2]));
+    }
+  } else if (!a.noise.empty()) {
+    throw InputError("--kinematics-noise: needs --kinematics");
+  }
+  a.run.second_look = !a.one_look;
+  a.tracker.mapper.threaded = a.run.realtime_fps > 0;
+  const RunSummary summary = run_recording(recording, a.tracker, a.run);
+  write_tum_trajectory(a.out, summary.trajectory);
+  if (!a.states.empty()) write_states(a.states, summary);
+  fmt::print("{}\n", to_json(summary));
+  return kExitOk;
+}
+
+}  // namespace
+}  // namespace vantage::tracking
+
+int main(int argc, char** argv) {
+  CLI::App app("Tracks the camera of a recording and writes its trajectory.");
+  vantage::tracking::Arguments arguments;
+  vantage::tracking::declare(app, arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? vantage::kExitOk : vantage::kExitBadInput;
+  }
+  return vantage::run_program("vantage-track", [&] { return vantage::tracking::run(arguments); });
+}
