@@ -8,6 +8,7 @@
 #include <thread>
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "allocation_watch.h"
@@ -118,6 +119,22 @@ TEST_F(DrivesInRealTime, WhatIsOutOfTurnIsRefusedInWords) {
   EXPECT_EQ(robot_->request(DriveRequest::kEnable), "switching on needs drives that are set up and without power");
   EXPECT_EQ(robot_->request(DriveRequest::kRecover), "there is no fault to recover from");
   EXPECT_EQ(robot_->request(DriveRequest::kDisable), "");
+}
+
+/// In a process of its own: gives all rights away, then asks for real time. Ends with 0 when it is told what is
+/// missing.
+[[noreturn]] void ask_without_rights() {
+  const rlimit none{0, 0};
+  ::setrlimit(RLIMIT_RTPRIO, &none);
+  ::setrlimit(RLIMIT_MEMLOCK, &none);
+  if (::setuid(65534) != 0 && ::geteuid() == 0) std::exit(3);
+  const RealtimeState state = enter_realtime(80);
+  const auto tells = [&state](const char* words) { return state.missing.find(words) != std::string::npos; };
+  std::exit(!state.fifo && tells("no SCHED_FIFO") && tells("LimitRTPRIO=80") && tells("LimitMEMLOCK") ? 0 : 1);
+}
+
+TEST(Realtime, WithoutTheRightItSaysWhatIsMissingAndHowToGiveIt) {
+  EXPECT_EXIT(ask_without_rights(), testing::ExitedWithCode(0), "");
 }
 
 TEST(RobotLoop, AllocatesNothingWhileItMovesNorWhenItFails) {

@@ -36,6 +36,22 @@ TEST(RobotDrives, HomingFindsTheTrueAngleOfEveryJoint) {
   for (std::size_t i = 0; i < kAxes; ++i) EXPECT_NE(sim.drive(i).state(), can::DriveState::kOperationEnabled);
 }
 
+TEST(RobotDrives, ADrivesDataSheetBindsWhatItIsTold) {
+  ManualClock clock;
+  can::MemoryCanNetwork network(clock);
+  const auto bus = network.attach("robot"), drive_bus = network.attach("drives");
+  DrivesRig rig = *load_rig(VANTAGE_SOURCE_DIR "/calib/rigs/youbot.yaml").drives;
+  rig.joints[2].drive.eds = VANTAGE_SOURCE_DIR "/calib/rigs/simulated_drive.eds";
+  sim::DriveRack rack(*drive_bus, clock, sim::drives_of(rig, 1));
+  network.on_tick([&rack] { rack.step(); });
+  rack.start();
+  network.advance_to(milliseconds(100));
+  EXPECT_EQ(RobotDrives(*bus, clock, rig).set_up(), "");
+  rig.joints[2].acceleration_rad_s2 = 500;  // 4 times that is asked of the quick stop
+  EXPECT_EQ(RobotDrives(*bus, clock, rig).set_up(),
+            "joint_3 (node 3): writing 127323954 to 6085 (quick-stop deceleration): the drive takes 1 to 50000000");
+}
+
 /// A robot that is homed and switched on.
 class RunningRobot : public testing::Test {
  protected:

@@ -322,6 +322,56 @@ TEST(V4l2, DroppedFramesAreCounted) {
   EXPECT_GE(frame.sequence - first + 1, got + 5);  // the gaps show in the frames' own count
 }
 
+TEST(V4l2, FramesThatTheDriverMarksAsDamagedAreCountedAndNotShown) {
+  V4l2Camera camera(options_for("GREY"));
+  Frame frame;
+  ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
+  const std::uint64_t before = frame.sequence;
+  for (int i = 0; i < 3; ++i) {
+    shell("v4l2-ctl -d /dev/video0 -c inject_v4l2_buf_flag_error=1");
+    ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
+    ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
+  }
+  EXPECT_GE(camera.counters().faulty, 2U);
+  EXPECT_GE(frame.sequence, before + 6 + camera.counters().faulty);  // they count in the sequence
+  EXPECT_EQ(camera.counters().restarts, 0U);
+}
+
+TEST(V4l2, AFatalErrorRestartsTheStream) {
+  const Feeder feeder(V4L2_PIX_FMT_GREY);
+  V4l2Camera camera(options_for("GREY"));
+  Frame frame;
+  ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
+  const std::uint64_t before = frame.sequence;
+  frame = {};
+  shell("v4l2-ctl -d /dev/video0 -c inject_fatal_streaming_error=1");
+  std::int64_t n = -1;
+  for (int i = 0; i < 20 && n < 0; ++i) {
+    if (camera.next(&frame, seconds(1)) == FrameStatus::kFrame && camera.counters().restarts > 0) {
+      n = number_of(frame.image);
+    }
+  }
+  EXPECT_GE(n, 0);
+  EXPECT_GE(camera.counters().restarts, 1U);
+  EXPECT_EQ(camera.counters().reopened, 0U);
+  EXPECT_GT(frame.sequence, before);
+}
+
+TEST(V4l2, AConsumerThatComesLateGetsTheNewestFrame) {
+  stamp_at_start(true);
+  V4l2Camera camera(options_for("GREY"));
+  Frame frame;
+  ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
+  for (int i = 0; i < 3; ++i) {
+    frame = {};
+    std::this_thread::sleep_for(milliseconds(150));  // four frames and a half
+    ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
+    const nanoseconds age = steady_clock::now().time_since_epoch() - nanoseconds(frame.capture_time_ns);
+    EXPECT_LT(age, milliseconds(100));
+  }
+  EXPECT_GE(camera.counters().late, 6U);
+}
+
 TEST(V4l2, HeldFramesNeitherChangeNorStarveTheDriver) {
   const Feeder feeder(V4L2_PIX_FMT_GREY);
   V4l2Camera camera(options_for("GREY"));
