@@ -166,6 +166,7 @@ TEST_F(RigFile, AbsentFileIsNamed) {
 TEST_F(RigFile, ShippedRigsLoad) {
   int files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(VANTAGE_SOURCE_DIR "/calib/rigs")) {
+    if (entry.path().extension() != ".yaml") continue;  // drives' data sheets
     EXPECT_NO_THROW(load_rig(entry.path())) << entry.path();
     ++files;
   }
