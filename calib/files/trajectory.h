@@ -21,8 +21,7 @@ std::vector<StampedPose> read_tum_trajectory(const std::filesystem::path& path);
 
 /// The pose nearest in time, none when that is further than `largest_gap_s` (TUM's own tools take 20 ms).
 /// \pre the times rise.
-const StampedPose* nearest_pose(const std::vector<StampedPose>& trajectory, double time_s,
-                                double largest_gap_s = 0.02);
+const StampedPose* nearest_pose(const std::vector<StampedPose>& trajectory, double time_s, double largest_gap_s = 0.02);
 
 /// The same form, whole or not at all. \throws InputError when it can't be written.
 void write_tum_trajectory(const std::filesystem::path& path, const std::vector<StampedPose>& trajectory);

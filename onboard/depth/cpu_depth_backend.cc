@@ -1,12 +1,36 @@
 #include "onboard/depth/cpu_depth_backend.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdlib>
 #include <stdexcept>
 
 namespace vantage {
 namespace {
 
 constexpr int kBandRows = 8;
+
+/// Standard deviation of an image's noise, grey levels: by the median of a second difference that no plane of grey
+/// passes (Immerkaer, "Fast noise variance estimation", 1996, made robust). Texture makes it too high where it covers
+/// more than half of the image.
+float estimate_noise(const ImagePyramid::Level& image) {
+  std::array<int, 4 * 512> histogram{};
+  int count = 0;
+  for (int y = 1; y + 1 < image.height; y += 2) {
+    const std::uint8_t* row = image.pixels + static_cast<std::ptrdiff_t>(y) * image.stride;
+    const std::uint8_t *above = row - image.stride, *below = row + image.stride;
+    for (int x = 1; x + 1 < image.width; x += 2) {
+      const int corners = above[x - 1] + above[x + 1] + below[x - 1] + below[x + 1];
+      const int sides = above[x] + below[x] + row[x - 1] + row[x + 1];
+      ++histogram[static_cast<std::size_t>(std::abs(corners - 2 * sides + 4 * row[x]))];
+      ++count;
+    }
+  }
+  int below_median = 0;
+  std::size_t median = 0;
+  while (median + 1 < histogram.size() && 2 * (below_median += histogram[median]) < count) ++median;
+  return static_cast<float>(median) / (0.6745F * 6);  // a Gaussian's median of |x|; the weights' norm
+}
 
 }  // namespace
 
@@ -52,6 +76,7 @@ CpuDepthBackend::CpuDepthBackend(int width, int height, const DepthFilterOptions
 void CpuDepthBackend::start(const GreyImage& key_image, std::span<const PixelBelief> beliefs) {
   if (beliefs.size() != beliefs_.size()) throw std::invalid_argument("CpuDepthBackend: a belief a pixel is needed");
   key_.build(key_image);
+  noise_ = std::min(job_.settings.image_noise, estimate_noise(key_.level(0)));
   std::copy(beliefs.begin(), beliefs.end(), beliefs_.begin());
   const int width = job_.settings.width, height = job_.settings.height;
   for (Band& band : bands_) {
@@ -76,8 +101,11 @@ void CpuDepthBackend::start(const GreyImage& key_image, std::span<const PixelBel
 /// elsewhere.
 void CpuDepthBackend::find_texture(int first_row, int end_row) {
   const ImagePyramid::Level image = key_.level(0);
-  const float least = job_.settings.image_noise / job_.settings.max_texture_sigma_px;
-  const float least_energy = 2 * least * least;
+  const float least = noise_ / job_.settings.max_texture_sigma_px;
+  // What noise alone makes of the sum of squared gradients, and as much as it takes for the larger eigenvalue of 99 in
+  // 100 patches of noise to stay below.
+  const float noise_energy = 2.5F * 0.5F * kPatchRows * kPatchRows * noise_ * noise_;
+  const float least_energy = noise_energy + 2 * least * least;
   for (int y = first_row; y < end_row; ++y) {
     for (int x = 0; x < image.width; ++x) {
       PixelState& state =

@@ -36,6 +36,7 @@ class CpuDepthBackend : public DepthBackend {
   WorkerPool* pool_;
   ImagePyramid key_, frame_;
   UpdateJob job_;
+  float noise_ = 0;  ///< of the key image, grey levels
   std::vector<PixelBelief> beliefs_;
   std::vector<PixelState> states_;
   std::vector<std::uint32_t> active_;

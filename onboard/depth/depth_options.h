@@ -22,7 +22,7 @@ struct DepthFilterOptions {
 
   // The match.
   double min_correlation = 0.6;       ///< of a match (zero-mean NCC)
-  double image_noise = 2.0;           ///< standard deviation of a pixel, grey levels
+  double image_noise = 2.0;           ///< standard deviation of a pixel, grey levels, at the most: images tell
   double min_match_sigma_px = 0.08;   ///< no match is known better: interpolation, lens
   double max_texture_sigma_px = 0.7;  ///< a patch whose gradient leaves its place less certain is not searched
 
