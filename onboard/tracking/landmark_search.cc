@@ -9,6 +9,7 @@ namespace vantage::tracking {
 namespace {
 
 constexpr double kGoodCorrelation = 0.75;
+constexpr double kLikely = 0.6;  // at the nearest whole pixel
 constexpr double kGoodSeedCorrelation = 0.85;
 constexpr double kHostAngle = 0.866;     // cosine of 30 degrees
 constexpr double kWidestAngle = 0.5;     // cosine of 60 degrees
@@ -151,22 +152,26 @@ SeedUpdate find_seed(const CameraModel& camera, const KeyFrame& host, const Imag
   Eigen::Vector2d best(to_level(mean.x(), warped.level), to_level(mean.y(), warped.level));
   if (level_length > kShortSegment_px) {
     const int steps = std::min(2 * kMostSteps, static_cast<int>(std::ceil(level_length / kStep_px)));
+    const PatchCorrelation correlation(warped.patch);
     double best_correlation = -1;
     int inside = 0;
+    Eigen::Vector2i last(-1, -1);
     for (int i = 0; i <= steps; ++i) {
       Eigen::Vector2d pixel;
       if (!project(rho_far + (rho_near - rho_far) * i / steps, &pixel)) continue;
-      const Eigen::Vector2d at(to_level(pixel.x(), warped.level), to_level(pixel.y(), warped.level));
-      if (!image.inside(at.x(), at.y(), kPatch / 2 + 1)) continue;
+      const Eigen::Vector2i at(static_cast<int>(std::lround(to_level(pixel.x(), warped.level))),
+                               static_cast<int>(std::lround(to_level(pixel.y(), warped.level))));
+      if (at == last || !image.inside(at.x(), at.y(), kPatch / 2 + 1)) continue;
+      last = at;
       ++inside;
-      const double correlation = correlation_at(image, warped.patch, at.x(), at.y());
-      if (correlation > best_correlation) {
-        best_correlation = correlation;
-        best = at;
+      const double here = correlation.at(image, at.x(), at.y());
+      if (here > best_correlation) {
+        best_correlation = here;
+        best = at.cast<double>();
       }
     }
     if (inside == 0) return SeedUpdate::kNotVisible;
-    if (best_correlation < kGoodCorrelation) return SeedUpdate::kNoMatch;
+    if (best_correlation < kLikely) return SeedUpdate::kNoMatch;
   }
   const PatchAlignment found = align_patch(image, warped.patch, best, seed.edgelet ? &normal : nullptr);
   const double moved = (found.pixel - best).norm();

@@ -90,6 +90,23 @@ void Map::remove_key_frame(KeyFrameId id) {
   key_frames_.erase(id);
 }
 
+void Map::move_key_frame(KeyFrame* frame, const Similarity& S_new_old) {
+  const Similarity camera = Similarity::from(frame->T_camera_world) * S_new_old.inverse();
+  frame->T_camera_world.linear() = camera.rotation.toRotationMatrix();
+  frame->T_camera_world.translation() = camera.translation / camera.scale;
+  frame->median_distance_m *= S_new_old.scale;
+  frame->scale *= S_new_old.scale;
+  for (const LandmarkId id : frame->hosted) {
+    Landmark* point = landmark(id);
+    if (point == nullptr) continue;
+    point->position = S_new_old * point->position;
+    point->sigma_m *= S_new_old.scale;
+    point->depth.mu /= S_new_old.scale;
+    point->depth.sigma2 /= S_new_old.scale * S_new_old.scale;
+    point->depth.range /= S_new_old.scale;
+  }
+}
+
 void Map::merge_landmarks(LandmarkId into, LandmarkId from) {
   Landmark* kept = landmark(into);
   Landmark* gone = landmark(from);

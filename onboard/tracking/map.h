@@ -12,6 +12,7 @@
 
 #include "onboard/tracking/depth_belief.h"
 #include "onboard/tracking/image_pyramid.h"
+#include "onboard/tracking/similarity.h"
 
 namespace vantage::tracking {
 
@@ -74,7 +75,8 @@ struct KeyFrame {
   std::vector<Feature> features;   ///< landmarks seen, converged ones
   std::vector<LandmarkId> hosted;  ///< landmarks whose host it is, seeds too
   std::optional<PosePrior> prior;
-  int map = 0;  ///< number of the piece of map: pieces that have not been joined have frames of their own
+  double scale = 1;  ///< product of all changes of scale that corrections have brought it
+  int map = 0;       ///< number of the piece of map: pieces that have not been joined have frames of their own
   double median_distance_m = 1;
 };
 
@@ -94,6 +96,8 @@ class Map {
   void remove_landmark(LandmarkId id);
   /// Its landmarks pass to another key frame that saw them, or go.
   void remove_key_frame(KeyFrameId id);
+  /// Moves a key frame with all that it hosts by a similarity of the world: its scale becomes the world's.
+  void move_key_frame(KeyFrame* frame, const Similarity& S_new_old);
   /// Every observation of `from` becomes one of `into`; `from` goes.
   void merge_landmarks(LandmarkId into, LandmarkId from);
   void clear();

@@ -221,13 +221,13 @@ void Mapper::run(const Task& task) {
 
 KeyFrameId Mapper::insert(const TrackedFrame& frame) {
   const std::lock_guard lock(mutex_);
-  const auto reference = T_camera_world(frame.reference);
-  if (!reference) return 0;
+  const auto T = T_camera_world(frame.reference, frame.T_camera_reference, frame.reference_scale);
+  if (!T) return 0;
   KeyFrame added;
   added.sequence = frame.sequence;
   added.capture_time_ns = frame.capture_time_ns;
   added.image = frame.image;
-  added.T_camera_world = renormalized(frame.T_camera_reference * *reference);
+  added.T_camera_world = renormalized(*T);
   added.prior = frame.prior;
   added.map = piece_of(frame.reference);
   std::vector<double> distances;
@@ -312,10 +312,9 @@ void Mapper::create_seeds(KeyFrameId id) {
 
 void Mapper::update_seeds(const TrackedFrame& frame) {
   const std::lock_guard lock(mutex_);
-  const auto reference = T_camera_world(frame.reference);
-  if (!reference) return;
+  const auto T = T_camera_world(frame.reference, frame.T_camera_reference, frame.reference_scale);
+  if (!T) return;
   const int piece = piece_of(frame.reference);
-  const Eigen::Isometry3d T = frame.T_camera_reference * *reference;
   std::vector<std::pair<const KeyFrame*, Landmark*>> seeds;
   std::size_t hosts = 0;
   for (auto host = map_.key_frames().rbegin(); host != map_.key_frames().rend() && hosts < kSeedKeyFrames; ++host) {
@@ -330,7 +329,7 @@ void Mapper::update_seeds(const TrackedFrame& frame) {
   std::vector<LandmarkId> hopeless, converged;
   for (std::size_t i = 0; i < turn; ++i) {
     const auto& [host, seed] = seeds[(seed_cursor_ + i) % seeds.size()];
-    const SeedFate fate = update(*host, *frame.image, T, seed);
+    const SeedFate fate = update(*host, *frame.image, *T, seed);
     if (fate == SeedFate::kHopeless) hopeless.push_back(seed->id);
     if (fate == SeedFate::kConverged) converged.push_back(seed->id);
   }
@@ -559,7 +558,8 @@ void Mapper::drop_key_frame(KeyFrameId id) {
     }
   }
   if (heir == 0) return;
-  heirs_[id] = {heir, gone.T_camera_world * map_.key_frame(heir)->T_camera_world.inverse()};
+  const KeyFrame& left = *map_.key_frame(heir);
+  heirs_[id] = {heir, gone.T_camera_world * left.T_camera_world.inverse(), gone.scale, left.scale};
   places_.remove(id);
   map_.remove_key_frame(id);
 }
@@ -601,20 +601,8 @@ void Mapper::close_loop(KeyFrameId id) {
                                        match->S_place_query * Similarity::from(query->T_camera_world);
       for (auto& [other, frame] : map_.key_frames()) {
         if (frame.map != from) continue;
-        const Similarity camera = Similarity::from(frame.T_camera_world) * S_world_world.inverse();
-        frame.T_camera_world.linear() = camera.rotation.toRotationMatrix();
-        frame.T_camera_world.translation() = camera.translation / camera.scale;
+        map_.move_key_frame(&frame, S_world_world);
         frame.map = into;
-        frame.median_distance_m *= S_world_world.scale;
-        for (const LandmarkId hosted : frame.hosted) {
-          Landmark* landmark = map_.landmark(hosted);
-          if (landmark == nullptr) continue;
-          landmark->position = S_world_world * landmark->position;
-          landmark->sigma_m *= S_world_world.scale;
-          landmark->depth.mu /= S_world_world.scale;
-          landmark->depth.sigma2 /= S_world_world.scale * S_world_world.scale;
-          landmark->depth.range /= S_world_world.scale;
-        }
         corrections_.push_back({other, frame.sequence, frame.capture_time_ns, frame.T_camera_world.inverse()});
       }
     } else {
@@ -648,21 +636,7 @@ void Mapper::close_loop(KeyFrameId id) {
     for (std::size_t i = 0; i < ids.size(); ++i) {
       KeyFrame* frame = map_.key_frame(ids[i]);
       if (frame == nullptr) continue;
-      const Similarity& corrected = graph.nodes[i].S_camera_world;
-      // A camera with a scale sees its points at that scale: they are divided by it with the translation.
-      const Similarity S_new_old = corrected.inverse() * Similarity::from(frame->T_camera_world);
-      frame->T_camera_world.linear() = corrected.rotation.toRotationMatrix();
-      frame->T_camera_world.translation() = corrected.translation / corrected.scale;
-      frame->median_distance_m *= S_new_old.scale;
-      for (const LandmarkId hosted : frame->hosted) {
-        Landmark* landmark = map_.landmark(hosted);
-        if (landmark == nullptr) continue;
-        landmark->position = S_new_old * landmark->position;
-        landmark->sigma_m *= S_new_old.scale;
-        landmark->depth.mu /= S_new_old.scale;
-        landmark->depth.sigma2 /= S_new_old.scale * S_new_old.scale;
-        landmark->depth.range /= S_new_old.scale;
-      }
+      map_.move_key_frame(frame, graph.nodes[i].S_camera_world.inverse() * Similarity::from(frame->T_camera_world));
       corrections_.push_back({ids[i], frame->sequence, frame->capture_time_ns, frame->T_camera_world.inverse()});
     }
   }
@@ -675,14 +649,35 @@ void Mapper::close_loop(KeyFrameId id) {
 }
 
 std::optional<Eigen::Isometry3d> Mapper::T_camera_world(KeyFrameId id) const {
-  Eigen::Isometry3d T_gone_heir = Eigen::Isometry3d::Identity();
+  return T_camera_world(id, Eigen::Isometry3d::Identity(), 0);
+}
+
+std::optional<Eigen::Isometry3d> Mapper::T_camera_world(KeyFrameId id, const Eigen::Isometry3d& T_camera_reference,
+                                                        double reference_scale) const {
+  Eigen::Isometry3d T = T_camera_reference;
   for (auto heir = heirs_.find(id); heir != heirs_.end(); heir = heirs_.find(id)) {
-    T_gone_heir = T_gone_heir * heir->second.T_gone_heir;
+    if (reference_scale > 0) T.translation() *= heir->second.gone_scale / reference_scale;
+    T = T * heir->second.T_gone_heir;
+    reference_scale = heir->second.heir_scale;
     id = heir->second.id;
   }
   const KeyFrame* frame = map_.key_frame(id);
   if (frame == nullptr) return std::nullopt;
-  return T_gone_heir * frame->T_camera_world;
+  if (reference_scale > 0) T.translation() *= frame->scale / reference_scale;
+  return T * frame->T_camera_world;
+}
+
+double Mapper::scale_of(KeyFrameId id) const {
+  const KeyFrame* frame = map_.key_frame(id);
+  return frame == nullptr ? 1 : frame->scale;
+}
+
+void Mapper::move_piece(int piece, const Similarity& S_new_old) {
+  for (auto& [id, frame] : map_.key_frames()) {
+    if (frame.map != piece) continue;
+    map_.move_key_frame(&frame, S_new_old);
+    corrections_.push_back({id, frame.sequence, frame.capture_time_ns, frame.T_camera_world.inverse()});
+  }
 }
 
 int Mapper::piece_of(KeyFrameId id) const {

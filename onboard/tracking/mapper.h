@@ -41,6 +41,7 @@ struct TrackedFrame {
   std::shared_ptr<const ImagePyramid> image;
   KeyFrameId reference = 0;
   Eigen::Isometry3d T_camera_reference = Eigen::Isometry3d::Identity();
+  double reference_scale = 1;  ///< the reference's when this was measured
   std::vector<Feature> features;
   std::optional<PosePrior> prior;
 };
@@ -85,6 +86,12 @@ class Mapper {
 
   /// Pose of a key frame, or of one that was culled, through its heir. Caller holds the lock.
   std::optional<Eigen::Isometry3d> T_camera_world(KeyFrameId id) const;
+  /// Pose of a frame by its key frame: when the key frame's scale has changed since, so has the frame's distance to it.
+  std::optional<Eigen::Isometry3d> T_camera_world(KeyFrameId reference, const Eigen::Isometry3d& T_camera_reference,
+                                                  double reference_scale) const;
+  double scale_of(KeyFrameId id) const;
+  /// Moves a whole piece of map. Caller holds the lock.
+  void move_piece(int piece, const Similarity& S_new_old);
   int piece_of(KeyFrameId id) const;
   int pieces() const { return pieces_; }
   int loops_closed() const { return loops_closed_; }
@@ -101,6 +108,7 @@ class Mapper {
   struct Heir {
     KeyFrameId id;
     Eigen::Isometry3d T_gone_heir;
+    double gone_scale, heir_scale;  // when it went
   };
 
   void submit(Task task);

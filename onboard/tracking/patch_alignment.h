@@ -38,8 +38,16 @@ bool cut_patch(const ImageView& image, const Eigen::Vector2d& pixel, BorderedPat
 bool warp_patch(const ImageView& image, const Eigen::Vector2d& pixel, const Eigen::Matrix2d& A_reference_current,
                 BorderedPatch* patch);
 
-/// Zero-mean normalised correlation of the patch's middle with the image around an integer pixel of it, in [-1, 1];
-/// -1 where the patch reaches beyond the image.
-double correlation_at(const ImageView& image, const BorderedPatch& patch, double u, double v);
+/// Zero-mean normalised correlation of a patch's middle with many places of an image.
+class PatchCorrelation {
+ public:
+  explicit PatchCorrelation(const BorderedPatch& patch);
+  /// With the image around an integer pixel, in [-1, 1]; -1 where the patch reaches beyond it or nothing has contrast.
+  double at(const ImageView& image, int u, int v) const;
+
+ private:
+  std::array<float, kPatch * kPatch> normalised_;
+  bool contrast_;
+};
 
 }  // namespace vantage::tracking

@@ -12,6 +12,10 @@ namespace {
 constexpr std::size_t kLocalKeyFrames = 10;
 constexpr double kFoundShare = 0.2;  // of what should be visible, below which a pose is not believed
 constexpr std::size_t kLeastAligned = 8;
+constexpr double kYoungMapTrust = 0.05;
+constexpr std::size_t kSettlingFrames = 600;  // whose priors say where and how large the map is
+constexpr std::size_t kSettleEvery = 30;      // frames
+constexpr double kLeastChange = 1e-3;         // of the scale, that is worth moving the map
 constexpr int kLeastRefined = 8;
 constexpr int kBridgeRms = 40;  // grey levels: above it no alignment is believed
 
@@ -86,6 +90,15 @@ TrackingResult Tracker::process(const Frame& frame, const std::optional<PosePrio
     result.relocalised = frames_without_pose_ > 0;
     frames_without_pose_ = 0;
     accept(std::move(tracked), result);
+    if (robot_ && prior) {
+      posed_.push_back(result);
+      priors_.push_back(*prior);
+      if (posed_.size() > kSettlingFrames) {
+        posed_.pop_front();
+        priors_.pop_front();
+      }
+      if (++frames_since_settled_ >= kSettleEvery) settle_in_robot_frame();
+    }
     return result;
   }
   state_ = result.state = had_pose ? TrackingState::kLost : TrackingState::kRelocalising;
@@ -273,21 +286,27 @@ void Tracker::fill(const MapMatches& matches, const RefinedPose& refined, const 
   result->T_world_camera = T_camera_world.inverse();
   result->reference = tracked->reference;
   result->T_camera_reference = tracked->T_camera_reference;
+  result->reference_scale = tracked->reference_scale = mapper_.scale_of(tracked->reference);
 }
 
 bool Tracker::track(const std::shared_ptr<const ImagePyramid>& image, std::int64_t time_ns,
                     const std::optional<PosePrior>& prior, TrackedFrame* tracked, TrackingResult* result) {
   const std::lock_guard lock(mapper_.mutex());
-  const auto reference = mapper_.T_camera_world(last_->frame.reference);
-  if (!reference) return false;
-  last_->T_camera_world = last_->frame.T_camera_reference * *reference;  // where the map has moved it since
+  const TrackedFrame& before = last_->frame;
+  const auto T_last = mapper_.T_camera_world(before.reference, before.T_camera_reference, before.reference_scale);
+  if (!T_last) return false;
+  last_->T_camera_world = *T_last;  // where the map has moved it since
 
   bool aligned = false;
   const Eigen::Isometry3d predicted = predict(time_ns, prior);
   Eigen::Isometry3d T = align(*image, predicted, prior, &aligned);
   const std::vector<KeyFrameId> local = local_key_frames(T);
   search_.run(&mapper_.map(), local, *image, T, &matches_);
-  const std::optional<PosePrior> pose_prior = robot_ ? prior : std::nullopt;
+  std::optional<PosePrior> pose_prior = robot_ ? prior : std::nullopt;
+  if (pose_prior && matches_.found < options_.weak_inliers) {
+    // Seeds share the error of the guess that they began with: until there are points, the robot alone knows the way.
+    pose_prior->sigma_translation_m *= kYoungMapTrust;
+  }
   RefinedPose refined = refine_pose(camera_, matches_.measurements, pose_prior, &T);
   if (refined.inliers < options_.weak_inliers && refined.inliers >= kLeastRefined) {
     search_.run(&mapper_.map(), local, *image, T, &matches_, false);  // from a better place, more may be found
@@ -368,6 +387,42 @@ void Tracker::accept(TrackedFrame tracked, const TrackingResult& result) {
   }
 }
 
+void Tracker::settle_in_robot_frame() {
+  frames_since_settled_ = 0;
+  const std::lock_guard lock(mapper_.mutex());
+  std::vector<Eigen::Vector3d> ours, robots;
+  double sigma_m = 0;
+  for (std::size_t i = 0; i < posed_.size(); ++i) {
+    if (posed_[i].state != TrackingState::kTracking) continue;
+    const auto T = mapper_.T_camera_world(posed_[i].reference, posed_[i].T_camera_reference, posed_[i].reference_scale);
+    if (!T || mapper_.piece_of(posed_[i].reference) != mapper_.piece_of(last_->frame.reference)) continue;
+    ours.push_back(T->inverse().translation());
+    robots.push_back(priors_[i].T_world_camera.translation());
+    sigma_m = priors_[i].sigma_translation_m;
+  }
+  if (ours.size() < kSettleEvery) return;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : ours) mean += p / static_cast<double>(ours.size());
+  double spread2 = 0;
+  for (const Eigen::Vector3d& p : ours) spread2 += (p - mean).squaredNorm();
+  // Scale from the spread of both about their means (the noise adds to the robot's: hence the product, not the ratio of
+  // the spreads); its sigma is the noise over the root of the sum of squares.
+  Eigen::Vector3d robots_mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : robots) robots_mean += p / static_cast<double>(robots.size());
+  double product = 0;
+  for (std::size_t i = 0; i < ours.size(); ++i) product += (ours[i] - mean).dot(robots[i] - robots_mean);
+  const double scale = product / std::max(spread2, 1e-12);
+  const double sigma = sigma_m / std::sqrt(std::max(spread2, 1e-12));
+  if (!(std::abs(scale - 1) > std::max(kLeastChange, sigma)) || sigma > 0.1 || !(scale > 0.2 && scale < 5)) return;
+  Similarity change;
+  change.scale = scale;
+  change.translation = robots_mean - scale * mean;
+  mapper_.move_piece(mapper_.piece_of(last_->frame.reference), change);
+  Eigen::Isometry3d T_world_key_frame = T_camera_world_key_frame_.inverse();
+  T_world_key_frame.translation() = change * T_world_key_frame.translation();
+  T_camera_world_key_frame_ = T_world_key_frame.inverse();
+}
+
 TrackingResult Tracker::locate(const Frame& frame, const TrackingResult* neighbour, const Frame* neighbour_frame) {
   TrackingResult result;
   result.sequence = frame.sequence;
@@ -391,6 +446,7 @@ TrackingResult Tracker::locate(const Frame& frame, const TrackingResult* neighbo
       beside.frame.capture_time_ns = neighbour_frame->capture_time_ns;
       beside.frame.reference = neighbour->reference;
       beside.frame.T_camera_reference = neighbour->T_camera_reference;
+      beside.frame.reference_scale = neighbour->reference_scale;
       last_ = beside;
       search_.run(&mapper_.map(), local_key_frames(beside.T_camera_world), *beside.frame.image, beside.T_camera_world,
                   &matches_, false);
@@ -408,9 +464,9 @@ TrackingResult Tracker::locate(const Frame& frame, const TrackingResult* neighbo
 std::optional<Eigen::Isometry3d> Tracker::T_world_camera(const TrackingResult& result) {
   if (!result.has_pose) return std::nullopt;
   const std::lock_guard lock(mapper_.mutex());
-  const auto T = mapper_.T_camera_world(result.reference);
+  const auto T = mapper_.T_camera_world(result.reference, result.T_camera_reference, result.reference_scale);
   if (!T) return std::nullopt;
-  return (result.T_camera_reference * *T).inverse();
+  return T->inverse();
 }
 
 int Tracker::piece_of(const TrackingResult& result) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
@@ -59,6 +60,7 @@ struct TrackingResult {
   bool began_map = false;    ///< a piece of map began with this frame
   KeyFrameId reference = 0;  ///< the key frame to which the pose is known; corrections of the map move both
   Eigen::Isometry3d T_camera_reference = Eigen::Isometry3d::Identity();
+  double reference_scale = 1;  ///< the key frame's at the time: a correction may have changed it since
 };
 
 /// Monocular SLAM, semi-direct (Forster et al., "SVO", ICRA 2014), that starts by itself, says when it is lost, and
@@ -113,7 +115,7 @@ class Tracker {
             TrackedFrame* tracked, TrackingResult* result);
   bool key_frame_due(const TrackedFrame& tracked, const TrackingResult& result);
   void accept(TrackedFrame tracked, const TrackingResult& result);
-  void lose();
+  void settle_in_robot_frame();
 
   CameraModel camera_;
   TrackerOptions options_;
@@ -132,7 +134,10 @@ class Tracker {
   double velocity_s_ = 0;                                       ///< ... that were so far apart
   int frames_since_start_ = 0;
   int frames_without_pose_ = 0;
-  bool robot_ = false;  ///< the map was begun with a prior
+  bool robot_ = false;                ///< the map was begun with a prior
+  std::deque<TrackingResult> posed_;  ///< the last frames that had a prior ...
+  std::deque<PosePrior> priors_;      ///< ... and theirs
+  std::size_t frames_since_settled_ = 0;
   std::uint64_t frames_since_key_frame_ = 0;
   Eigen::Isometry3d T_camera_world_key_frame_ = Eigen::Isometry3d::Identity();  ///< of the last one asked for
   std::size_t key_frame_features_ = 0;
