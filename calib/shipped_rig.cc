@@ -10,7 +10,7 @@ std::filesystem::path shipped_rig(const std::string& name) {
   const fs::path bin = fs::read_symlink("/proc/self/exe", error).parent_path();
   // PREFIX/bin and PREFIX/share/vantage; BUILD/PRESET/bin inside the source tree.
   for (const char* from_bin : {"../share/vantage/rigs", "../../../calib/rigs"}) {
-    const fs::path rig = (bin / from_bin / name).lexically_normal();
+    fs::path rig = (bin / from_bin / name).lexically_normal();
     if (fs::is_regular_file(rig, error)) return rig;
   }
   throw InputError(name + ": no such rig comes with this program; give one with --rig FILE");

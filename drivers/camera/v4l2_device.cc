@@ -70,6 +70,7 @@ std::vector<fs::path> video_nodes() {
   }
   std::sort(nodes.begin(), nodes.end());
   std::vector<fs::path> paths;
+  paths.reserve(nodes.size());
   for (auto& [number, path] : nodes) paths.push_back(std::move(path));
   return paths;
 }

@@ -21,7 +21,7 @@ class Setup {
     master_.listen_to(setup_.node);
     if (!nmt(NmtCommand::kPreOperational)) return fault_;
     if (!check_identity() || !write_objects() || !set_up_pdos()) return fault_;
-    if (const std::string fault = change_mode(master_, setup_, setup_.mode); !fault.empty()) return fault;
+    if (std::string fault = change_mode(master_, setup_, setup_.mode); !fault.empty()) return fault;
     master_.forget(setup_.node);
     if (!nmt(NmtCommand::kStart) || !await_operational()) return fault_;
     return {};

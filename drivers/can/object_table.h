@@ -12,7 +12,12 @@ struct ObjectAddress {
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
 
-  friend auto operator<=>(const ObjectAddress&, const ObjectAddress&) = default;
+  friend constexpr bool operator==(const ObjectAddress& a, const ObjectAddress& b) {
+    return a.index == b.index && a.sub == b.sub;
+  }
+  friend constexpr bool operator<(const ObjectAddress& a, const ObjectAddress& b) {
+    return a.index != b.index ? a.index < b.index : a.sub < b.sub;
+  }
 };
 
 /// The codes of CiA 301, as an EDS writes them after "DataType=0x".

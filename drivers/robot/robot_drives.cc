@@ -31,9 +31,10 @@ constexpr int kJointErrorCycles = 3;   // a following error that lasts
 constexpr int kWheelErrorCycles = 20;  // a wheel's speed may lag while it accelerates
 constexpr milliseconds kDriveHeartbeat{50};
 constexpr int kHeartbeatsMissed = 4;
-constexpr double kHomingZeroPart = 0.1;  // of the homing speed, off the switch
-constexpr milliseconds kStandstillPatience{1000};
-constexpr seconds kTransitionPatience{5};  // over the axes' own time-outs, which tell more
+constexpr double kHomingZeroPart = 0.1;            // of the homing speed, off the switch
+constexpr milliseconds kStandstillPatience{1000};  // after a quick stop; whoever still moves then loses its power
+constexpr double kStandstill = 0.05;               // rad/s
+constexpr seconds kTransitionPatience{5};          // over the axes' own time-outs, which tell more
 
 double seconds_of(nanoseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -155,7 +156,7 @@ RobotDrives::RobotDrives(can::CanBus& bus, const Clock& clock, const DrivesRig& 
 std::string RobotDrives::set_up_all() {
   master_.clear_bus_faults();
   for (Axis& axis : axes_) {
-    const std::string fault = can::set_up_drive(master_, axis.setup);
+    std::string fault = can::set_up_drive(master_, axis.setup);
     if (!fault.empty()) return fault;
     axis.boots = master_.node(axis.setup.node).boots;
     axis.emergencies = master_.node(axis.setup.node).emergencies;
@@ -230,7 +231,7 @@ std::string RobotDrives::enable() {
   const auto arrived = [this] {
     return std::all_of(axes_.begin(), axes_.end(), [](const Axis& axis) { return axis.machine.arrived(); });
   };
-  const std::string fault = run_until(arrived, kTransitionPatience, "switching on");
+  std::string fault = run_until(arrived, kTransitionPatience, "switching on");
   if (fault.empty()) state_.phase = DrivesPhase::kEnabled;
   return fault;
 }
@@ -337,6 +338,7 @@ void RobotDrives::cycle(const RobotCommand& command) {
   for (std::size_t i = 0; i < axes_.size(); ++i) take_feedback(i);
   take_odometry();
   for (std::size_t i = 0; i < axes_.size(); ++i) supervise(i);
+  if (state_.phase == DrivesPhase::kFault) cut_power_of_runaways();
   if (master_.bus_faults().any() && state_.phase != DrivesPhase::kFault) fail_bus();
   command_axes(command);
   for (std::size_t i = 0; i < axes_.size(); ++i) send_set_point(i);
@@ -443,6 +445,15 @@ void RobotDrives::stop_all() {
   state_.phase = DrivesPhase::kFault;
   watches_motion_ = false;
   aim_all(AxisAim::kQuickStop);
+}
+
+/// A drive that does not obey the quick stop is switched off, which sets its brake.
+void RobotDrives::cut_power_of_runaways() {
+  if (state_.time - fault_.time < kStandstillPatience) return;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    const bool moves = axes_[i].fresh && std::abs(state_.axis[i].speed_rad_s) > kStandstill;
+    if (moves && axes_[i].machine.aimed() == AxisAim::kQuickStop) axes_[i].machine.aim(AxisAim::kOff, state_.time);
+  }
 }
 
 void RobotDrives::command_axes(const RobotCommand& command) {

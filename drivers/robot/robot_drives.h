@@ -108,6 +108,7 @@ class RobotDrives {
   void fail_bus();
   void fail_stall(std::chrono::nanoseconds stalled);
   void stop_all();
+  void cut_power_of_runaways();
   void aim_all(can::AxisAim aim);
   /// How late the cycle begins.
   std::chrono::nanoseconds wait_for_cycle();

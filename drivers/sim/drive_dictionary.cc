@@ -181,7 +181,7 @@ std::optional<SdoAbort> DriveDictionary::begin_download(const CanFrame& frame, A
   const bool expedited = (frame.data[0] & 2) != 0, sized = (frame.data[0] & 1) != 0;
   answer->data[0] = 0x60;
   if (expedited) {
-    const std::size_t size = sized ? 4U - (frame.data[0] >> 2 & 3) : static_cast<std::size_t>(size_of(address));
+    const std::size_t size = sized ? 4U - (frame.data[0] >> 2 & 3U) : static_cast<std::size_t>(size_of(address));
     return store(address, std::span(frame.data).subspan(4, std::min<std::size_t>(size, 4)));
   }
   const auto announced = static_cast<std::size_t>(number_of(std::span(frame.data).subspan(4), false));
@@ -193,7 +193,7 @@ std::optional<SdoAbort> DriveDictionary::begin_download(const CanFrame& frame, A
 std::optional<SdoAbort> DriveDictionary::download_segment(const CanFrame& frame, CanFrame* answer) {
   if (!segments_ || segments_->upload) return SdoAbort::kBadCommand;
   if (((frame.data[0] & 0x10) != 0) != segments_->toggle) return SdoAbort::kToggle;
-  const std::size_t size = 7U - (frame.data[0] >> 1 & 7);
+  const std::size_t size = 7U - (frame.data[0] >> 1 & 7U);
   segments_->data.insert(segments_->data.end(), frame.data.begin() + 1,
                          frame.data.begin() + 1 + static_cast<std::ptrdiff_t>(size));
   if (segments_->data.size() > kLongestText) return SdoAbort::kTooLong;

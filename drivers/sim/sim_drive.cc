@@ -150,14 +150,15 @@ std::optional<SdoAbort> SimDrive::judge_mapping(ObjectAddress address, std::int6
   if (address.sub == 0) {
     if (value > 8) return SdoAbort::kBadValue;
     std::int64_t bits = 0;
-    for (std::uint8_t sub = 1; sub <= value; ++sub) bits += dictionary_.get({address.index, sub}) & 0xFF;
+    for (int sub = 1; sub <= value; ++sub)
+      bits += dictionary_.get({address.index, static_cast<std::uint8_t>(sub)}) & 0xFF;
     return bits > 64 ? std::optional(SdoAbort::kMappingTooLong) : std::nullopt;
   }
   if (dictionary_.get({address.index, 0}) != 0) return SdoAbort::kUnsupportedAccess;
   if (value == 0) return {};
   const ObjectAddress mapped{static_cast<std::uint16_t>(value >> 16), static_cast<std::uint8_t>(value >> 8)};
   if (!dictionary_.has(mapped)) return SdoAbort::kNoObject;
-  if ((value & 0xFF) != 8 * dictionary_.size_of(mapped)) return SdoAbort::kNotMappable;
+  if ((value & 0xFF) != std::int64_t{8} * dictionary_.size_of(mapped)) return SdoAbort::kNotMappable;
   return {};
 }
 
@@ -265,8 +266,8 @@ void SimDrive::on_sync(can::CanBus& bus) {
 void SimDrive::apply_rpdo(int pdo, std::span<const std::uint8_t> data) {
   const std::uint16_t mapping = can::pdo_mapping(PdoDirection::kToDrive, pdo);
   std::optional<std::int64_t> word;
-  for (std::uint8_t sub = 1; sub <= dictionary_.get({mapping, 0}); ++sub) {
-    const std::int64_t entry = dictionary_.get({mapping, sub});
+  for (int sub = 1; sub <= dictionary_.get({mapping, 0}); ++sub) {
+    const std::int64_t entry = dictionary_.get({mapping, static_cast<std::uint8_t>(sub)});
     const ObjectAddress object{static_cast<std::uint16_t>(entry >> 16), static_cast<std::uint8_t>(entry >> 8)};
     const auto bytes = static_cast<std::size_t>(entry & 0xFF) / 8;
     if (bytes > data.size()) break;
@@ -293,8 +294,8 @@ void SimDrive::send_tpdo(int pdo, can::CanBus& bus) {
   dictionary_.set(objects::kFollowingError, std::lround(demand_ - motor_.position()));
   CanFrame frame = can::make_frame(identifier & 0x7FF, {});
   const std::uint16_t mapping = can::pdo_mapping(PdoDirection::kFromDrive, pdo);
-  for (std::uint8_t sub = 1; sub <= dictionary_.get({mapping, 0}); ++sub) {
-    const std::int64_t entry = dictionary_.get({mapping, sub});
+  for (int sub = 1; sub <= dictionary_.get({mapping, 0}); ++sub) {
+    const std::int64_t entry = dictionary_.get({mapping, static_cast<std::uint8_t>(sub)});
     const ObjectAddress object{static_cast<std::uint16_t>(entry >> 16), static_cast<std::uint8_t>(entry >> 8)};
     const int bytes = static_cast<int>(entry & 0xFF) / 8;
     can::put_number(dictionary_.get(object), bytes, frame.data.data() + frame.size);

@@ -130,7 +130,10 @@ TEST_F(DrivesInRealTime, WhatIsOutOfTurnIsRefusedInWords) {
   if (::setuid(65534) != 0 && ::geteuid() == 0) std::exit(3);
   const RealtimeState state = enter_realtime(80);
   const auto tells = [&state](const char* words) { return state.missing.find(words) != std::string::npos; };
-  std::exit(!state.fifo && tells("no SCHED_FIFO") && tells("LimitRTPRIO=80") && tells("LimitMEMLOCK") ? 0 : 1);
+  std::exit(!state.fifo && tells("no SCHED_FIFO") && tells("LimitRTPRIO=80") &&
+                    (state.memory_locked || tells("LimitMEMLOCK"))  // sanitizers make mlockall do nothing
+                ? 0
+                : 1);
 }
 
 TEST(Realtime, WithoutTheRightItSaysWhatIsMissingAndHowToGiveIt) {

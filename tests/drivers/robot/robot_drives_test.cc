@@ -267,6 +267,19 @@ TEST_F(RunningRobot, ABlockedWheelIsNoticed) {
       << robot().fault_text();
 }
 
+TEST_F(RunningRobot, ADriveThatDoesNotObeyTheQuickStopLosesItsPower) {
+  RobotCommand command = sim_.command();
+  command.base = {0.5, 0, 0};
+  run(command, 150);
+  sim_.drive(5).dictionary().set(can::objects::kQuickStopDeceleration, 1000);  // it would roll for minutes
+  sim_.drive(0).dictionary().write(sim::kTripObject, 0x4310);
+  run(command, 90);
+  EXPECT_EQ(sim_.drive(5).state(), can::DriveState::kQuickStopActive);
+  run(command, 30);
+  EXPECT_EQ(sim_.drive(5).state(), can::DriveState::kSwitchOnDisabled);
+  EXPECT_EQ(sim_.drive(6).state(), can::DriveState::kQuickStopActive);  // it stands, and holds
+}
+
 TEST_F(RunningRobot, ADriveThatStartsAnewHasToBeHomedAgain) {
   sim_.network().inject(can::make_frame(0x000, {0x81, 4}));  // NMT reset of node 4
   run({}, 20);
