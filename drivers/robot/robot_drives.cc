@@ -193,7 +193,7 @@ std::string RobotDrives::home() {
   const auto all = [this](auto&& is) { return std::all_of(axes_.begin(), axes_.end(), is); };
   const auto switch_modes = [this](bool to_homing) -> std::string {
     for (Axis& axis : axes_) {
-      const std::string fault = can::change_mode(master_, axis.setup, to_homing ? DriveMode::kHoming : axis.setup.mode);
+      std::string fault = can::change_mode(master_, axis.setup, to_homing ? DriveMode::kHoming : axis.setup.mode);
       if (!fault.empty()) return fault;
     }
     resume_cycles();

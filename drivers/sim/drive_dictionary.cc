@@ -155,8 +155,7 @@ std::optional<SdoAbort> DriveDictionary::begin_upload(Address address, CanFrame*
     return {};
   }
   answer->data[0] = 0x41;
-  for (int i = 0; i < 4; ++i)
-    answer->data[static_cast<std::size_t>(4 + i)] = static_cast<std::uint8_t>(data.size() >> (8 * i));
+  for (std::size_t i = 0; i < 4; ++i) answer->data[4 + i] = static_cast<std::uint8_t>(data.size() >> (8 * i));
   segments_ = Segments{true, address, std::move(data), 0, 0, false};
   return {};
 }
