@@ -41,7 +41,7 @@ std::vector<SimDriveOptions> drives_of(const DrivesRig& rig, std::uint64_t seed)
     drive.motor.position = place(joint.lower_rad + middle(random) * (joint.upper_rad - joint.lower_rad));
     drive.motor.most_acceleration = kMostAcceleration * std::abs(scale);
     drive.motor.most_speed = 3 * joint.speed_rad_s * std::abs(scale);
-    (joint.homing_method == 17 ? drive.negative_switch : drive.positive_switch) = 0;
+    (joint.homing_method == 17 ? drive.switches.negative : drive.switches.positive) = 0;
     drives.push_back(drive);
   }
   if (rig.base) {

@@ -197,6 +197,12 @@ test_bad_input() {
 
   expect_error "sim:SOCKET" "$bin/vantage-onboard" --camera v4l2:/dev/video0 --rig "$rig"
   expect_error "$scratch/none.yaml" "$bin/vantage-onboard" --camera sim:x --rig "$scratch/none.yaml"
+  expect_error "--rig FILE is needed" "$bin/vantage-onboard" --camera sim:x
+  expect_error "--check needs --camera, --can or both" "$bin/vantage-onboard" --check
+  expect_error "drives are only used with --check" "$bin/vantage-onboard" --can sim:x --rig "$rig"
+  expect_error "describes no drives" "$bin/vantage-onboard" --check --can sim:x --rig "$rig"
+  expect_error "nobody serves a simulated CAN bus there" "$bin/vantage-onboard" --check --can "sim:$scratch/x"
+  expect_error "holds no image" "$bin/vantage-onboard" --check --camera "images:$scratch"
   expect_error "none.obj" "$bin/vantage-sim" --object "$scratch/none.obj" --socket "$scratch/s"
 
   sed 's/752/640/' "$rig" >"$scratch/small.yaml"

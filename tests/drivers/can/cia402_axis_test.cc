@@ -200,7 +200,7 @@ TEST(Homing, FindsTheSwitchsEdgeAndCountsFromThere) {
   sim::SimDriveOptions options;
   options.node = SimulatedNode::kNode;
   options.motor.position = 40'000;
-  options.negative_switch = 12'345;
+  options.switches.negative = 12'345;
   DrivenAxis driven(DriveMode::kHoming, options);
   ASSERT_EQ(driven.set_up(), "");
   ASSERT_TRUE(driven.enable());
