@@ -23,8 +23,35 @@ struct FixedSettings {
   std::vector<std::string> notes;  ///< what the camera has no control for, or keeps otherwise than asked
 };
 
+/// A camera's controls (V4L2_CID_...), one number each.
+class ControlPort {
+ public:
+  struct Range {
+    int least = 0, most = 0;
+  };
+  virtual ~ControlPort() = default;
+
+  /// What the control takes; nothing when the camera has no such control, or has disabled it.
+  virtual std::optional<Range> range(std::uint32_t control) = 0;
+  virtual std::optional<int> get(std::uint32_t control) = 0;
+  /// A camera may refuse, or keep another value: `get` tells.
+  virtual void set(std::uint32_t control, int value) = 0;
+};
+
+/// The controls of an opened device.
+class V4l2Controls final : public ControlPort {
+ public:
+  explicit V4l2Controls(int fd) : fd_(fd) {}
+  std::optional<Range> range(std::uint32_t control) override;
+  std::optional<int> get(std::uint32_t control) override;
+  void set(std::uint32_t control, int value) override;
+
+ private:
+  int fd_;
+};
+
 /// Switches automatic exposure, gain, white balance and a frame rate that follows the light off, sets the values and
 /// reads all of it back.
-FixedSettings fix_settings(int fd, const CameraSettings& settings);
+FixedSettings fix_settings(ControlPort& camera, const CameraSettings& settings);
 
 }  // namespace vantage

@@ -62,7 +62,8 @@ std::shared_ptr<V4l2Stream> V4l2Stream::open(const std::filesystem::path& node, 
   stream->identity_ = *identity;
   std::string reason;
   if (!stream->set_format(options, &reason)) return refuse(reason);
-  stream->settings_ = fix_settings(stream->fd(), options.settings);
+  V4l2Controls controls(stream->fd());
+  stream->settings_ = fix_settings(controls, options.settings);
   if (!stream->map_buffers(std::max(options.buffers, kLeastBuffers), &reason)) return refuse(reason);
   if (!stream->start()) return refuse(with_error("does not start to stream"));
   return stream;

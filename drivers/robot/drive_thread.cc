@@ -22,6 +22,10 @@ DriveThread::DriveThread(can::CanBus& bus, const Clock& clock, const DrivesRig& 
     : drives_(bus, clock, rig),
       recorder_(cycles_in(options.recorded, rig), std::max<std::size_t>(1, cycles_in(options.recorded_after, rig))),
       priority_(options.priority) {
+  drives_.on_cycle([this](const RobotState& state) {
+    recorder_.record(state);
+    state_.write(state);
+  });
   thread_ = std::thread([this] { run(); });
   std::unique_lock lock(mutex_);
   answered_.wait(lock, [this] { return ready_; });  // realtime() is known
@@ -51,8 +55,6 @@ void DriveThread::run() {
     }
     command_.read(&command);
     drives_.cycle(command);
-    recorder_.record(drives_.state());
-    state_.write(drives_.state());
   }
 }
 

@@ -281,6 +281,7 @@ void RobotDrives::cycle(const RobotCommand& command) {
   command_axes(command);
   for (std::size_t i = 0; i < axes_.size(); ++i) send_set_point(i);
   master_.send_sync();
+  if (observer_) observer_(state_);
 }
 
 void RobotDrives::take_feedback(std::size_t i) {
@@ -343,11 +344,11 @@ void RobotDrives::supervise(std::size_t i) {
   if (axis.machine.failure() && state_.phase != DrivesPhase::kFault) fail_axis(i);
 }
 
-/// What the drive measured at the last SYNC answers the set point of the SYNC before, which came a cycle earlier.
+/// What the drive measured at the last SYNC answers the set point of the SYNC before: it has a cycle to get there.
 void RobotDrives::check_error(Axis& axis, std::size_t i) {
   AxisState& shown = state_.axis[i];
   const double is = is_joint(i) ? shown.position_rad : shown.speed_rad_s;
-  const double error = axis.commanded_before[1] - is;
+  const double error = axis.command_before - is;
   if (is_joint(i)) shown.following_error_rad = error;
   if (axis.machine.state() != can::DriveState::kOperationEnabled) return;
   axis.error_cycles = std::abs(error) > axis.error_limit ? axis.error_cycles + 1 : 0;
@@ -399,12 +400,12 @@ void RobotDrives::command_axes(const RobotCommand& command) {
   for (std::size_t i = 0; i < joints_; ++i) {
     Axis& axis = axes_[i];
     MotionLimiter& limiter = joint_limiters_[i];
-    axis.commanded_before = {axis.command, axis.commanded_before[0]};
+    axis.command_before = axis.command;
     if (axis.machine.state() != can::DriveState::kOperationEnabled || !watches_motion_) {
       // A drive without power is where it is; its set point goes with it, so that switching on moves nothing.
       limiter.reset(state_.axis[i].position_rad);
       axis.command = state_.axis[i].position_rad;
-      axis.commanded_before = {axis.command, axis.command};
+      axis.command_before = axis.command;
       continue;
     }
     if (moves && command.arm == RobotCommand::Arm::kPosition) {
@@ -419,7 +420,7 @@ void RobotDrives::command_axes(const RobotCommand& command) {
   const WheelValues wheels = mecanum_.wheels_of(twist_limiter_.towards(moves ? command.base : BaseTwist{}));
   for (std::size_t w = 0; w < wheels.size(); ++w) {
     Axis& axis = axes_[joints_ + w];
-    axis.commanded_before = {axis.command, axis.commanded_before[0]};
+    axis.command_before = axis.command;
     axis.command = wheels[w];
     state_.axis[joints_ + w].limited = twist_limiter_.limited();
   }

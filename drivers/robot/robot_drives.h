@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/drives_rig.h"
@@ -65,6 +66,8 @@ class RobotDrives {
   std::string recover();
 
   void cycle(const RobotCommand& command);
+  /// Called at the end of every cycle, those of setting up included. It must not allocate or wait.
+  void on_cycle(std::function<void(const RobotState&)> observer) { observer_ = std::move(observer); }
 
   const RobotState& state() const { return state_; }
   const DrivesFault& fault() const { return fault_; }
@@ -92,9 +95,9 @@ class RobotDrives {
     int error_cycles = 0;  // in a row with too large an error
     bool fresh = false, has_position = false;
     std::int32_t increments = 0;
-    double wheel_rad = 0;                      // turned since the start, beyond the 32 bits of 6064
-    double command = 0;                        // rad or rad/s, of the last cycle
-    std::array<double, 2> commanded_before{};  // one and two cycles before that
+    double wheel_rad = 0;       // turned since the start, beyond the 32 bits of 6064
+    double command = 0;         // rad or rad/s, of the last cycle
+    double command_before = 0;  // of the cycle before that
   };
 
   bool is_joint(std::size_t axis) const { return axis < joints_; }
@@ -134,6 +137,7 @@ class RobotDrives {
   RobotState state_;
   DrivesFault fault_;
   CycleStatistics punctuality_;
+  std::function<void(const RobotState&)> observer_;
 };
 
 }  // namespace vantage
