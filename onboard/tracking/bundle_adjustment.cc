@@ -209,7 +209,7 @@ AdjustmentSummary adjust(const CameraModel& camera, AdjustmentProblem* problem, 
   solver.num_threads = 1;
   solver.max_num_iterations = options.iterations;
   solver.logging_type = ceres::SILENT;
-  solver.function_tolerance = 1e-5;
+  solver.function_tolerance = 1e-6;
   if (options.seconds > 0) solver.max_solver_time_in_seconds = options.seconds;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &ceres_problem, &summary);

@@ -7,9 +7,9 @@
 namespace vantage::tracking {
 namespace {
 
-constexpr int kReach = 13;    // px: comparisons lie within this of the centre
+constexpr int kReach = 10;    // px: comparisons lie within this of the centre
 constexpr int kCentroid = 9;  // px: radius of the disc whose centroid gives the direction
-constexpr int kBorder = 21;   // px: the reach on the diagonal, and the smoothing
+constexpr int kBorder = 17;   // px: the reach on the diagonal, and the smoothing
 
 struct Comparison {
   float ax, ay, bx, by;

@@ -28,7 +28,7 @@ struct MapperOptions {
   int window = 8;                   ///< key frames that a local adjustment moves
   int fixed_frames = 12;            ///< others that hold it, at most
   int most_key_frames = 200;        ///< the most redundant one goes when there are more
-  int seeds_per_frame = 200;        ///< at most are updated with one frame
+  int seeds_per_frame = 120;        ///< at most are updated with one frame
   double converged_share = 0.08;    ///< a seed is a point when sigma(1/d) * d is below this ...
   double converged_inliers = 0.53;  ///< ... and its inlier ratio above this
   bool valid(std::string* why = nullptr) const;

@@ -49,6 +49,7 @@ struct RunSummary {
   int first_pose = -1;                  ///< the first frame that had a pose when it came
   int losses = 0, relocalised = 0, pieces = 0, loops = 0;
   double ms_median = 0, ms_p95 = 0;
+  double cpu_ms_median = 0;  ///< processor time of the tracking thread: what is left of ms on an idle machine
   std::optional<TrajectoryError> similar;  ///< against the truth, aligned with a scale
   std::optional<TrajectoryError> rigid;    ///< without
 };

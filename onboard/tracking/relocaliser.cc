@@ -1,5 +1,6 @@
 #include "onboard/tracking/relocaliser.h"
 
+#include <algorithm>
 #include <set>
 
 #include <opencv2/calib3d.hpp>
@@ -14,14 +15,44 @@ namespace {
 constexpr std::size_t kPlaces = 6;
 constexpr int kLeastMatches = 12;
 constexpr double kError_px = 5;
+constexpr int kLookAlike = 12;        // key frames that are compared as a whole
+constexpr double kAlike = 0.6;        // correlation of the small images, above which it is worth a search
 constexpr double kLeastShare = 0.35;  // of what should be visible must be found
+
+/// The place itself first, then those that share most with it.
+std::vector<KeyFrameId> neighbourhood(const Map& map, KeyFrameId place) {
+  std::vector<KeyFrameId> around{place};
+  for (const auto& [neighbour, shared] : map.covisible(place)) {
+    if (around.size() < 6) around.push_back(neighbour);
+  }
+  return around;
+}
+
+/// Searches the landmarks around a supposed pose; none when too few are at their places.
+std::optional<Relocalised> verify(const CameraModel& camera, Map* map, const std::vector<KeyFrameId>& around,
+                                  const ImagePyramid& image, Eigen::Isometry3d T, MapSearch* search,
+                                  int least_inliers) {
+  Relocalised found;
+  found.place = around.front();
+  for (int round = 0; round < 3; ++round) {  // each time from a better pose
+    search->run(map, around, image, T, &found.matches, false);
+    found.pose = refine_pose(camera, found.matches.measurements, std::nullopt, &T);
+    if (found.pose.inliers < least_inliers / 3) return std::nullopt;
+  }
+  found.T_camera_world = T;
+  if (found.pose.inliers < least_inliers || found.pose.inliers < kLeastShare * found.matches.visible) {
+    return std::nullopt;
+  }
+  return found;
+}
 
 }  // namespace
 
 std::optional<Relocalised> relocalise(const CameraModel& camera, Map* map, const PlaceIndex& places,
-                                      const ImagePyramid& image, MapSearch* search, int least_inliers) {
+                                      const ImagePyramid& image, MapSearch* search, RotationAlignment* rotation,
+                                      int least_inliers) {
   DetectorOptions detector;
-  detector.cell_px = 20;
+  detector.cell_px = std::max(10, camera.width / 36);
   detector.edgelets = false;
   std::vector<Descriptor> seen;
   std::vector<Eigen::Vector2d> pixels;
@@ -36,14 +67,10 @@ std::optional<Relocalised> relocalise(const CameraModel& camera, Map* map, const
     pixels.push_back(corner.pixel);
     levels.push_back(corner.level);
   }
-  if (seen.size() < kLeastMatches) return std::nullopt;
 
   std::optional<Relocalised> best;
   for (const auto& [place, score] : places.query(seen, kPlaces)) {
-    std::vector<KeyFrameId> around{place};
-    for (const auto& [neighbour, shared] : map->covisible(place)) {
-      if (around.size() < 6) around.push_back(neighbour);
-    }
+    const std::vector<KeyFrameId> around = neighbourhood(*map, place);
     std::set<LandmarkId> ids;
     for (std::size_t i = 0; i < around.size() && i < 3; ++i) {
       const KeyFrame* frame = map->key_frame(around[i]);
@@ -93,18 +120,25 @@ std::optional<Relocalised> relocalise(const CameraModel& camera, Map* map, const
     std::vector<PoseMeasurement> good;
     for (const int i : inliers) good.push_back(measurements[static_cast<std::size_t>(i)]);
     refine_pose(camera, good, std::nullopt, &T);
-    Relocalised found;
-    found.place = place;
-    for (int round = 0; round < 2; ++round) {  // the second time from a good pose
-      search->run(map, around, image, T, &found.matches, false);
-      found.pose = refine_pose(camera, found.matches.measurements, std::nullopt, &T);
-    }
-    found.T_camera_world = T;
-    if (found.pose.inliers < least_inliers || found.pose.inliers < kLeastShare * found.matches.visible) continue;
-    if (!best || found.pose.inliers > best->pose.inliers) best = std::move(found);
+    std::optional<Relocalised> found = verify(camera, map, around, image, T, search, least_inliers);
+    if (!found) continue;
+    if (!best || found->pose.inliers > best->pose.inliers) best = std::move(found);
     if (best->pose.inliers > 2 * least_inliers) break;
   }
-  return best;
+  if (best) return best;
+
+  int tried = 0;
+  for (auto frame = map->key_frames().rbegin(); frame != map->key_frames().rend() && tried < kLookAlike;
+       ++frame, ++tried) {
+    const RotationAlignment::Result turn = rotation->align(*frame->second.image, image);
+    if (turn.correlation < kAlike) continue;
+    Eigen::Isometry3d T = frame->second.T_camera_world;
+    T = Eigen::Isometry3d(turn.R_current_reference) * T;
+    if (auto found = verify(camera, map, neighbourhood(*map, frame->first), image, T, search, least_inliers)) {
+      return found;
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace vantage::tracking

@@ -4,6 +4,7 @@
 
 #include "onboard/tracking/map_search.h"
 #include "onboard/tracking/place_index.h"
+#include "onboard/tracking/rotation_alignment.h"
 
 namespace vantage::tracking {
 
@@ -16,8 +17,11 @@ struct Relocalised {
 
 /// Where is this image in the map? Key frames that look alike (PlaceIndex), their landmarks by descriptor, the pose
 /// from points (P3P in RANSAC with a fixed seed), then the usual search and refinement, which must find `least_inliers`
-/// landmarks at their places. Nothing is taken on trust: what looks alike and fits no pose is refused.
+/// landmarks at their places. Where that finds nothing, the newest key frames are tried as a whole: the turn that
+/// brings their small image onto this one (Klein and Murray 2008), then the same search. Nothing is taken on trust:
+/// what looks alike and fits no pose is refused.
 std::optional<Relocalised> relocalise(const CameraModel& camera, Map* map, const PlaceIndex& places,
-                                      const ImagePyramid& image, MapSearch* search, int least_inliers = 30);
+                                      const ImagePyramid& image, MapSearch* search, RotationAlignment* rotation,
+                                      int least_inliers = 30);
 
 }  // namespace vantage::tracking

@@ -10,21 +10,22 @@
 namespace vantage::tracking {
 namespace {
 
-constexpr int kLevel = 4;
+constexpr int kLeastSide = 30;  // px of the small image
 constexpr int kIterations = 12;
 constexpr double kSmallStep = 2e-4;  // rad: a tenth of a pixel of the small image is 0.003
 constexpr float kHuber = 25;         // grey levels
 
 }  // namespace
 
-RotationAlignment::RotationAlignment(const CameraModel& camera) : camera_(camera) {
-  const double scale = 1.0 / (1 << kLevel);
-  for (int v = 1; v < (camera.height >> kLevel) - 1; ++v) {
-    for (int u = 1; u < (camera.width >> kLevel) - 1; ++u) {
+RotationAlignment::RotationAlignment(const CameraModel& camera) : camera_(camera), level_(ImagePyramid::kLevels - 1) {
+  while (level_ > 0 && (std::min(camera.width, camera.height) >> level_) < kLeastSide) --level_;
+  const double scale = 1.0 / (1 << level_);
+  for (int v = 1; v < (camera.height >> level_) - 1; ++v) {
+    for (int u = 1; u < (camera.width >> level_) - 1; ++u) {
       Eigen::Vector3d ray;
       Eigen::Vector2d pixel;
       Eigen::Matrix<double, 2, 3> projection;
-      if (!camera.unproject({to_base(u, kLevel), to_base(v, kLevel)}, &ray) ||
+      if (!camera.unproject({to_base(u, level_), to_base(v, level_)}, &ray) ||
           !camera.project(ray, &pixel, &projection)) {
         continue;
       }
@@ -36,7 +37,7 @@ RotationAlignment::RotationAlignment(const CameraModel& camera) : camera_(camera
 
 RotationAlignment::Result RotationAlignment::align(const ImagePyramid& reference, const ImagePyramid& current,
                                                    const Eigen::Matrix3d& R_current_reference) {
-  const ImageView from = reference.level(kLevel), to = current.level(kLevel);
+  const ImageView from = reference.level(level_), to = current.level(level_);
   for (std::size_t i = 0; i < samples_.size(); ++i) {
     const Sample& sample = samples_[i];
     const std::uint8_t* p = from.row(sample.v) + sample.u;
@@ -60,7 +61,7 @@ RotationAlignment::Result RotationAlignment::align(const ImagePyramid& reference
       const Eigen::Vector3d ray = result.R_current_reference * samples_[i].ray.cast<double>();
       Eigen::Vector2d pixel;
       if (!camera_.project(ray, &pixel)) continue;
-      const double u = to_level(pixel.x(), kLevel), v = to_level(pixel.y(), kLevel);
+      const double u = to_level(pixel.x(), level_), v = to_level(pixel.y(), level_);
       if (!to.inside(u, v, 0)) continue;
       const float grey = interpolate(to, static_cast<float>(u), static_cast<float>(v));
       const Eigen::Matrix<float, 5, 1>& k = jacobians_[i];

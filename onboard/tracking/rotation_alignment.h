@@ -9,7 +9,7 @@
 
 namespace vantage::tracking {
 
-/// The rotation between two images as a whole, from their coarsest levels: some 30 pixels of the small image may lie
+/// The rotation between two images as a whole, from a coarse level of some 40 x 30 pixels, of which several may lie
 /// between them. Right when the camera has only turned, and a good start otherwise (the small blurry images of Klein
 /// and Murray 2008). Inverse compositional over rotation, gain and offset. Allocates nothing.
 class RotationAlignment {
@@ -30,6 +30,7 @@ class RotationAlignment {
     int u, v;
   };
   CameraModel camera_;
+  int level_;  ///< the coarsest with thirty pixels in either direction
   std::vector<Sample> samples_;
   std::vector<Eigen::Matrix<float, 5, 1>> jacobians_;
 };

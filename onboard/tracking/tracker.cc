@@ -12,6 +12,7 @@ namespace {
 constexpr std::size_t kLocalKeyFrames = 10;
 constexpr double kFoundShare = 0.2;  // of what should be visible, below which a pose is not believed
 constexpr std::size_t kLeastAligned = 8;
+constexpr int kYoungKeyFrames = 8;  // after a start, that may stand closer than later ones
 constexpr double kYoungMapTrust = 0.05;
 constexpr std::size_t kSettlingFrames = 600;  // whose priors say where and how large the map is
 constexpr std::size_t kSettleEvery = 30;      // frames
@@ -151,6 +152,7 @@ void Tracker::start(const Frame& frame, const std::optional<PosePrior>& prior, T
   key_frame_features_ = tracked.features.size();
   frames_since_key_frame_ = 0;
   frames_since_start_ = frames_without_pose_ = 0;
+  key_frames_asked_for_ = 0;
   velocity_ = Eigen::Isometry3d::Identity();
   velocity_s_ = 0;
   last_ = Last{std::move(tracked), T_camera_world_key_frame_};
@@ -331,7 +333,8 @@ bool Tracker::track(const std::shared_ptr<const ImagePyramid>& image, std::int64
 bool Tracker::try_relocalise(const std::shared_ptr<const ImagePyramid>& image, TrackedFrame* tracked,
                              TrackingResult* result) {
   const std::lock_guard lock(mapper_.mutex());
-  const std::optional<Relocalised> found = relocalise(camera_, &mapper_.map(), mapper_.places(), *image, &search_);
+  const std::optional<Relocalised> found =
+      relocalise(camera_, &mapper_.map(), mapper_.places(), *image, &search_, &rotation_);
   if (!found) return false;
   tracked->reference = found->place;
   tracked->T_camera_reference = renormalized(found->T_camera_world * mapper_.T_camera_world(found->place)->inverse());
@@ -349,6 +352,9 @@ bool Tracker::key_frame_due(const TrackedFrame& tracked, const TrackingResult& r
   const bool thin = static_cast<double>(tracked.features.size()) <
                     options_.key_frame_overlap * static_cast<double>(key_frame_features_);
   if (thin && (way > 0.02 || turn > 0.05)) return true;
+  // A young map rests on few views: each that sees its points from elsewhere makes it stiffer.
+  const bool young = key_frames_asked_for_ < kYoungKeyFrames;
+  if (young && way > options_.key_frame_parallax / 3 && frames_since_key_frame_ >= 3) return true;
   if (way < options_.key_frame_parallax) return false;
   // None near: an old place that is seen again needs no new key frame while its points are found.
   const std::lock_guard lock(mapper_.mutex());
@@ -381,6 +387,7 @@ void Tracker::accept(TrackedFrame tracked, const TrackingResult& result) {
     T_camera_world_key_frame_ = T_camera_world;
     key_frame_features_ = tracked.features.size();
     frames_since_key_frame_ = 0;
+    ++key_frames_asked_for_;
     mapper_.add_key_frame(tracked);
   } else {
     mapper_.observe(tracked);

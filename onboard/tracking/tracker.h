@@ -138,6 +138,7 @@ class Tracker {
   std::deque<TrackingResult> posed_;  ///< the last frames that had a prior ...
   std::deque<PosePrior> priors_;      ///< ... and theirs
   std::size_t frames_since_settled_ = 0;
+  int key_frames_asked_for_ = 0;  ///< since the start
   std::uint64_t frames_since_key_frame_ = 0;
   Eigen::Isometry3d T_camera_world_key_frame_ = Eigen::Isometry3d::Identity();  ///< of the last one asked for
   std::size_t key_frame_features_ = 0;

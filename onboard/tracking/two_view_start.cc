@@ -39,8 +39,27 @@ bool triangulate(const Eigen::Isometry3d& T_last_first, const Eigen::Vector3d& r
 }
 
 constexpr double kOutlierCost = 6;       // residuals' variances: about the square of where an inlier ends
-constexpr double kAmbiguous = 2;         // times the best cost: a motion this good may be the true one
+constexpr double kAmbiguous = 3;         // times the best cost: a motion this good may be the true one
 constexpr double kSameDirection = 0.87;  // cosine of 30 degrees between two ways that count as the same
+
+/// Median angle between two sets of rays after the turn that brings the one onto the other (Huber's weights; the rows
+/// of the correlation's SVD: Kabsch 1976).
+double angle_left_by_turn(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
+  std::vector<double> angles(from.size(), 0);
+  double scale = 1;
+  for (int round = 0; round < 5; ++round) {
+    Eigen::Matrix3d correlation = Eigen::Matrix3d::Zero();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      correlation += (angles[i] > scale ? scale / angles[i] : 1) * to[i] * from[i].transpose();
+    }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(correlation, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant());
+    const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+    for (std::size_t i = 0; i < from.size(); ++i) angles[i] = (R * from[i]).cross(to[i]).norm();
+    scale = std::max(1e-6, median(angles));
+  }
+  return scale;
+}
 
 struct Candidate {
   Eigen::Isometry3d T_last_first;
@@ -56,7 +75,7 @@ bool StartOptions::valid(std::string* why) const {
     return false;
   };
   if (!(least_disparity_px > 0)) return fail("least_disparity_px must be positive");
-  if (!(least_parallax_rad > 0)) return fail("least_parallax_rad must be positive");
+  if (!(least_parallax_px > 0) || !(least_turned_px >= 0)) return fail("least_..._px must be positive");
   if (least_points < 12) return fail("least_points must be at least 12");
   if (!(error_px > 0)) return fail("error_px must be positive");
   if (!(least_share > 0 && least_share <= 1)) return fail("least_share must lie in (0, 1]");
@@ -173,6 +192,12 @@ std::optional<Start> TwoViewStart::solve(const StartFrame& frame) const {
   }
   const auto least = static_cast<std::size_t>(options_.least_points);
   if (pairs.size() < least) return std::nullopt;
+  std::vector<Eigen::Vector3d> rays_first, rays_last;
+  for (const Pair& pair : pairs) {
+    rays_first.push_back(pair.first);
+    rays_last.push_back(pair.last);
+  }
+  if (camera_.fx * angle_left_by_turn(rays_first, rays_last) < options_.least_turned_px) return std::nullopt;
 
   std::vector<Candidate> candidates;
   const auto propose = [&](const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
@@ -348,7 +373,7 @@ std::optional<Start> TwoViewStart::solve(const StartFrame& frame) const {
   }
   if (!best || best->points.size() < least ||
       static_cast<double>(best->points.size()) < options_.least_share * static_cast<double>(pairs.size()) ||
-      best->parallax_rad < options_.least_parallax_rad || best->rms_px > 1.2) {
+      best->parallax_rad * camera_.fx < options_.least_parallax_px || best->rms_px > 1.2) {
     return std::nullopt;
   }
   return best;

@@ -14,8 +14,9 @@
 namespace vantage::tracking {
 
 struct StartOptions {
-  double least_disparity_px = 10;    ///< median, before a start is tried
-  double least_parallax_rad = 0.02;  ///< median angle between a point's two rays, after it
+  double least_disparity_px = 10;  ///< median, before a start is tried
+  double least_parallax_px = 15;   ///< median angle between a point's two rays, times the focal length, after it
+  double least_turned_px = 1;      ///< median disparity that the best turn alone leaves: less is no parallax but noise
   int least_points = 40;
   double error_px = 2;       ///< a point that two poses explain reprojects within this
   double least_share = 0.6;  ///< of the tracks must agree with the start
