@@ -1,5 +1,6 @@
 #include "drivers/sim/camera_path.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -29,18 +30,27 @@ Isometry3d moved(const Isometry3d& base, const Vector3d& t, const Vector3d& r) {
   return base * motion;
 }
 
+/// From 0 to 1 within a unit of time, at rest before and after (Flash and Hogan 1985).
+double minimum_jerk(double t) {
+  t = std::clamp(t, 0.0, 1.0);
+  return t * t * t * (10 - 15 * t + 6 * t * t);
+}
+
 }  // namespace
 
 CameraPath camera_path_named(const std::string& name) {
-  static const std::array<std::pair<const char*, CameraPath>, 5> kNames = {{{"hover", CameraPath::kHover},
+  static const std::array<std::pair<const char*, CameraPath>, 7> kNames = {{{"hover", CameraPath::kHover},
                                                                             {"slide", CameraPath::kSlide},
                                                                             {"forward", CameraPath::kForward},
                                                                             {"circle", CameraPath::kCircle},
-                                                                            {"rotate", CameraPath::kRotate}}};
+                                                                            {"rotate", CameraPath::kRotate},
+                                                                            {"turn", CameraPath::kTurn},
+                                                                            {"dash", CameraPath::kDash}}};
   for (const auto& [known, path] : kNames) {
     if (name == known) return path;
   }
-  throw InputError("no camera path is called '" + name + "'; there are hover, slide, forward, circle, rotate");
+  throw InputError("no camera path is called '" + name +
+                   "'; there are hover, slide, forward, circle, rotate, turn, dash");
 }
 
 Isometry3d pose_on_path(CameraPath path, double time_s) {
@@ -61,6 +71,15 @@ Isometry3d pose_on_path(CameraPath path, double time_s) {
     case CameraPath::kRotate:
       return moved(base, Vector3d::Zero(),
                    15 * kDegree * Vector3d(0.5 * wave(0.2, 0), wave(0.15, 0), 0.3 * wave(0.1, 0)));
+    case CameraPath::kTurn: {
+      const double away = minimum_jerk(time_s / 2), turning = std::max(0.0, time_s - 2);
+      return moved(base, {0.2 * away, 0, 0}, {0, 25 * kDegree * std::sin(kTurn * 0.28 * turning), 0});
+    }
+    case CameraPath::kDash: {
+      const double phase = std::fmod(time_s, 2.0);
+      const double away = minimum_jerk((phase - 0.6) / 0.4) - minimum_jerk((phase - 1.6) / 0.4);
+      return moved(base, {0.25 * away, 0, 0}, {0, 6 * kDegree * away, 0});
+    }
   }
   return base;
 }

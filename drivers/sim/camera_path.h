@@ -13,10 +13,12 @@ enum class CameraPath {
   kSlide,    ///< sideways at 10 cm/s, looking ahead and down
   kForward,  ///< towards what it looks at, at 10 cm/s
   kCircle,   ///< once around the room's centre in 20 s, 1.3 m away, looking inwards
-  kRotate    ///< turns about its own centre without moving, +-15 degrees
+  kRotate,   ///< turns about its own centre without moving, +-15 degrees
+  kTurn,     ///< 20 cm sideways in 2 s, then turns to +-25 degrees at up to 45 degrees/s without moving
+  kDash      ///< rests, then dashes 25 cm aside with a turn of 6 degrees in 0.4 s, rests, and back; once in 2 s
 };
 
-/// The names on a command line: hover, slide, forward, circle, rotate.
+/// The names on a command line: hover, slide, forward, circle, rotate, turn, dash.
 /// \throws InputError that lists them, for any other.
 CameraPath camera_path_named(const std::string& name);
 

@@ -29,7 +29,7 @@ void declare(CLI::App& app, Arguments& a) {
   RecordingOptions& r = a.recording;
   app.set_version_flag("--version", std::string("vantage-sim-record ") + VANTAGE_VERSION);
   app.add_option("--out", a.out, "folder for the recording (TUM layout)")->required();
-  app.add_option("--path", a.path, "hover, slide, forward, circle or rotate")->capture_default_str();
+  app.add_option("--path", a.path, "hover, slide, forward, circle, rotate, turn or dash")->capture_default_str();
   app.add_option("--room", a.room, "number of the room of boxes")->capture_default_str();
   app.add_option("--object", a.object, "a mesh in the room, instead of boxes");
   app.add_option("--object-size", a.object_size_m, "its largest side, metres")->capture_default_str();
