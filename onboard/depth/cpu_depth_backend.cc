@@ -9,6 +9,7 @@ namespace vantage {
 namespace {
 
 constexpr int kBandRows = 8;
+constexpr std::uint32_t kFirstTurns = 2;  // a key frame's first searches are long
 
 /// Standard deviation of an image's noise, grey levels: by the median of a second difference that no plane of grey
 /// passes (Immerkaer, "Fast noise variance estimation", 1996, made robust). Texture makes it too high where it covers
@@ -52,7 +53,7 @@ PixelSettings pixel_settings(const DepthFilterOptions& options, int width, int h
 }
 
 CpuDepthBackend::CpuDepthBackend(int width, int height, const DepthFilterOptions& options, WorkerPool* pool)
-    : pool_(pool), key_(width, height), frame_(width, height) {
+    : pool_(pool), samples_per_frame_(options.samples_per_frame), key_(width, height), frame_(width, height) {
   const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   beliefs_.resize(pixels);
   states_.resize(pixels);
@@ -76,6 +77,7 @@ CpuDepthBackend::CpuDepthBackend(int width, int height, const DepthFilterOptions
 void CpuDepthBackend::start(const GreyImage& key_image, std::span<const PixelBelief> beliefs) {
   if (beliefs.size() != beliefs_.size()) throw std::invalid_argument("CpuDepthBackend: a belief a pixel is needed");
   key_.build(key_image);
+  job_.turns = kFirstTurns;
   noise_ = std::min(job_.settings.image_noise, estimate_noise(key_.level(0)));
   std::copy(beliefs.begin(), beliefs.end(), beliefs_.begin());
   const int width = job_.settings.width, height = job_.settings.height;
@@ -133,6 +135,7 @@ void CpuDepthBackend::find_texture(int first_row, int end_row) {
 UpdateCounts CpuDepthBackend::update(const GreyImage& image, const PairGeometry& geometry) {
   frame_.build(image);
   job_.geometry = geometry;
+  job_.turn = (job_.turn + 1) % job_.turns;
   pool_->run(static_cast<int>(bands_.size()), [this](int chunk) {
     Band& band = bands_[static_cast<std::size_t>(chunk)];
     band.counts = {};
@@ -149,10 +152,14 @@ UpdateCounts CpuDepthBackend::update(const GreyImage& image, const PairGeometry&
     for (std::size_t s = 0; s < kPixelStates; ++s) total.states[s] += band.counts.states[s];
     total.planned += band.counts.planned;
     total.not_visible += band.counts.not_visible;
+    total.samples += band.counts.samples;
     total.searched += band.counts.searched;
     total.matched += band.counts.matched;
     total.ambiguous += band.counts.ambiguous;
   }
+  // The next frame's searches will be about as long as this one's.
+  const double whole = total.samples * job_.turns;
+  job_.turns = static_cast<std::uint32_t>(std::clamp(std::ceil(whole / samples_per_frame_), 1.0, 4.0));
   return total;
 }
 

@@ -34,6 +34,7 @@ class CpuDepthBackend : public DepthBackend {
   void find_texture(int first_row, int end_row);
 
   WorkerPool* pool_;
+  double samples_per_frame_;
   ImagePyramid key_, frame_;
   UpdateJob job_;
   float noise_ = 0;  ///< of the key image, grey levels

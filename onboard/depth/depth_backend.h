@@ -13,8 +13,9 @@ namespace vantage {
 /// How one update went, in pixels.
 struct UpdateCounts {
   std::array<int, kPixelStates> states{};  ///< of the whole key frame, after the update, by PixelState
-  int planned = 0;                         ///< pixels that are neither given up nor settled
+  int planned = 0;                         ///< pixels whose turn it was, neither given up nor settled
   int not_visible = 0;                     ///< of these, outside the frame's image
+  double samples = 0;                      ///< of the frame's image that the searches took
   int searched = 0;                        ///< matches looked for
   int matched = 0;                         ///< and found
   int ambiguous = 0;                       ///< and left alone, since two places look alike

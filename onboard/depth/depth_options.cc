@@ -30,6 +30,7 @@ bool DepthFilterOptions::valid(std::string* why) const {
   if (!(image_noise > 0 && min_match_sigma_px > 0 && max_texture_sigma_px > 0)) {
     return fail(why, "noise and match sigmas must be positive");
   }
+  if (!(samples_per_frame >= 1e5)) return fail(why, "samples per frame: at least 100,000");
   return true;
 }
 

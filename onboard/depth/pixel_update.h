@@ -41,11 +41,12 @@ struct Search {
   enum class Kind : std::uint8_t { kNotVisible, kNothingToLearn, kSearch };
   Kind kind = Kind::kNotVisible;
   EpipolarLine line;
-  int level = 0;    ///< of the pyramid
-  float scale = 1;  ///< 2^level: pixels of the image in one of the level
-  int across = 0;   ///< lines to either side
-  float first = 0;  ///< s of the first place, image pixels
-  int steps = 0;    ///< places, kStep * scale apart
+  int level = 0;     ///< of the pyramid
+  float scale = 1;   ///< 2^level: pixels of the image in one of the level
+  int across = 0;    ///< lines to either side
+  float first = 0;   ///< s of the first place, image pixels
+  int steps = 0;     ///< places, kStep * scale apart
+  bool cut = false;  ///< a part of where the match may be lies outside the image: to find none tells nothing
 };
 
 /// Shrinks [low, high], pixels along the line, to where `position + s * direction` is at least `margin` inside an
@@ -102,9 +103,11 @@ VANTAGE_HOST_DEVICE inline Search plan_search(const PairGeometry& geometry, cons
 
   const float margin =
       search.scale * (0.5F * kStep * kPatchColumns + 0.5F * kPatchRows + static_cast<float>(search.across));
+  const float wanted = high - low;
   clip_to_image(line.u0, line.ex, margin, width, &low, &high);
   clip_to_image(line.v0, line.ey, margin, height, &low, &high);
   if (!(high > low)) return search;
+  search.cut = high - low < wanted;
   // A search that is still too long keeps the middle: the mean is the likeliest.
   const float longest = kStep * search.scale * (kMaxSteps - 1);
   if (high - low > longest) {
@@ -161,51 +164,25 @@ VANTAGE_HOST_DEVICE inline Match best_match(const Search& search, const PixelSet
   return match;
 }
 
+/// Sums over the inner kPatchRows x (kPatchColumns - 2) samples of two patches a (key frame) and b (frame), each
+/// brought to mean 0 and norm 1, with their difference e = a - b and their mean gradient g, per step along the line.
+struct MatchSums {
+  float gg = 0, ge = 0, ee = 0, g = 0;
+};
+
 /// Places a match within its step, by one Gauss-Newton step on the grey values with gradients of both patches (to
 /// second order: Benhimane and Malis, "Real-time image-based tracking of planes", 2004), gain and offset taken out of
-/// both; its variance is least squares' own. `patch` is kPatchRows x kPatchColumns; `strip` is the frame's patch at the
-/// match, its rows `stride` apart.
-VANTAGE_HOST_DEVICE inline void finish_match(const Search& search, const float* patch, const float* strip, int stride,
-                                             Match* match) {
+/// both; its variance is least squares' own.
+VANTAGE_HOST_DEVICE inline void finish_match(const Search& search, const MatchSums& sums, Match* match) {
   constexpr int kInner = kPatchRows * (kPatchColumns - 2);
-  float sum_a = 0, sum_b = 0;
-  for (int j = 0; j < kPatchRows; ++j) {
-    for (int i = 1; i + 1 < kPatchColumns; ++i) {
-      sum_a += patch[j * kPatchColumns + i];
-      sum_b += strip[j * stride + i];
-    }
-  }
-  const float mean_a = sum_a / kInner, mean_b = sum_b / kInner;
-  float aa = 0, bb = 0;
-  for (int j = 0; j < kPatchRows; ++j) {
-    for (int i = 1; i + 1 < kPatchColumns; ++i) {
-      const float a = patch[j * kPatchColumns + i] - mean_a, b = strip[j * stride + i] - mean_b;
-      aa += a * a;
-      bb += b * b;
-    }
-  }
-  const float scale_a = 1 / std::sqrt(aa), scale_b = 1 / std::sqrt(bb);
-  float gg = 0, ge = 0, ee = 0, g_sum = 0;
-  for (int j = 0; j < kPatchRows; ++j) {
-    const float* row_a = patch + j * kPatchColumns;
-    const float* row_b = strip + j * stride;
-    for (int i = 1; i + 1 < kPatchColumns; ++i) {
-      const float e = scale_a * (row_a[i] - mean_a) - scale_b * (row_b[i] - mean_b);
-      const float g = 0.25F * (scale_a * (row_a[i + 1] - row_a[i - 1]) + scale_b * (row_b[i + 1] - row_b[i - 1]));
-      gg += g * g;
-      ge += g * e;
-      ee += e * e;
-      g_sum += g;
-    }
-  }
-  gg -= g_sum * g_sum / kInner;  // e has no mean, so ge needs no correction
-  const float shift = ge / gg;
+  const float gg = sums.gg - sums.g * sums.g / kInner;  // e has no mean, so ge needs no correction
+  const float shift = sums.ge / gg;
   if (!(gg > 0) || !(std::fabs(shift) < 1.5F)) {
     match->kind = Match::Kind::kAmbiguous;
     return;
   }
   const float step = kStep * search.scale;
-  const float residual = std::fmax(ee - ge * shift, 0.0F) / (kInner - 3);
+  const float residual = std::fmax(sums.ee - sums.ge * shift, 0.0F) / (kInner - 3);
   match->s = search.first + step * (static_cast<float>(match->step) + shift);
   match->variance_px2 = step * step * residual / gg;
 }

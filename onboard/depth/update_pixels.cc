@@ -46,25 +46,47 @@ HWY_INLINE VF sample(const ImagePyramid::Level& image, VF x, VF y) {
   return hn::MulAdd(fy, hn::Sub(bottom, top), top);
 }
 
+// A patch's rows are padded to eight samples, so that one is a vector of AVX2 and two of NEON or SSE.
+constexpr int kRow = 8;
+static_assert(kPatchColumns < kRow && kMaxLanes % kRow == 0);
+using Rows = hn::CappedTag<float, kRow>;
+using VR = hn::Vec<Rows>;
+
 /// The key frame's patch, made to look as it would in the frame.
 struct Template {
-  HWY_ALIGN float grey[kPatchSamples + kMaxLanes];  ///< zero-mean, unit norm, row by row
   float mean;
-  float gradient;  ///< sum of squared differences along the line, per px^2
+
+  /// Zero-mean, unit norm, row by row; the padding is 0. What stands to the left of the first sample may be read.
+  float* grey() { return samples_ + kMaxLanes; }
+  const float* grey() const { return samples_ + kMaxLanes; }
+
+ private:
+  HWY_ALIGN float samples_[kMaxLanes + kPatchRows * kRow + kMaxLanes] = {};
 };
 
-/// Offsets of the patch's samples from its centre, row by row: along in steps, across in pixels.
-struct PatchOffsets {
-  HWY_ALIGN float along[kPatchSamples + kMaxLanes] = {};
-  HWY_ALIGN float across[kPatchSamples + kMaxLanes] = {};
-  constexpr PatchOffsets() {
-    for (int i = 0; i < kPatchSamples; ++i) {
-      along[i] = kStep * static_cast<float>(i % kPatchColumns - kPatchColumns / 2);
-      across[i] = static_cast<float>(i / kPatchColumns - kPatchRows / 2);
+/// Offsets of the patch's samples from its centre: along in steps of kStep, across in pixels. What weighs in sums.
+struct PatchTables {
+  HWY_ALIGN float along[kPatchRows * kRow + kMaxLanes] = {};
+  HWY_ALIGN float across[kPatchRows * kRow + kMaxLanes] = {};
+  HWY_ALIGN float all[kRow] = {};    ///< 1 for a column of the patch
+  HWY_ALIGN float inner[kRow] = {};  ///< 1 for a column that has neighbours
+  constexpr PatchTables() {
+    for (int i = 0; i < kPatchRows * kRow; ++i) {
+      along[i] = kStep * static_cast<float>(i % kRow - kPatchColumns / 2);
+      across[i] = static_cast<float>(i / kRow - kPatchRows / 2);
+    }
+    for (int i = 0; i < kPatchColumns; ++i) {
+      all[i] = 1;
+      inner[i] = i > 0 && i + 1 < kPatchColumns ? 1 : 0;
     }
   }
 };
-constexpr PatchOffsets kOffsets;
+constexpr PatchTables kTables;
+
+HWY_INLINE float total(VR lanes) {
+  const Rows d;
+  return hn::GetLane(hn::SumOfLanes(d, lanes));
+}
 
 /// False when the patch has less gradient along the line than its match needs.
 HWY_INLINE bool take_template(const UpdateJob& job, const Search& search, float x, float y, Template* patch) {
@@ -76,33 +98,37 @@ HWY_INLINE bool take_template(const UpdateJob& job, const Search& search, float 
   const float* m = line.to_key;
   const VF ax = hn::Set(df, m[0] * line.ex + m[1] * line.ey), ay = hn::Set(df, m[2] * line.ex + m[3] * line.ey);
   const VF bx = hn::Set(df, -m[0] * line.ey + m[1] * line.ex), by = hn::Set(df, -m[2] * line.ey + m[3] * line.ex);
-  const int lanes = static_cast<int>(hn::Lanes(df));
-  for (int i = 0; i < kPatchSamples; i += lanes) {
-    const VF along = hn::Load(df, kOffsets.along + i), across = hn::Load(df, kOffsets.across + i);
+  for (int i = 0; i < kPatchRows * kRow; i += static_cast<int>(hn::Lanes(df))) {
+    const VF along = hn::Load(df, kTables.along + i), across = hn::Load(df, kTables.across + i);
     const VF px = hn::MulAdd(ax, along, hn::MulAdd(bx, across, hn::Set(df, cx)));
     const VF py = hn::MulAdd(ay, along, hn::MulAdd(by, across, hn::Set(df, cy)));
-    hn::Store(sample(job.key[static_cast<std::size_t>(search.level)], px, py), df, patch->grey + i);
+    hn::Store(sample(job.key[static_cast<std::size_t>(search.level)], px, py), df, patch->grey() + i);
   }
-  float sum = 0;
-  for (int i = 0; i < kPatchSamples; ++i) sum += patch->grey[i];
-  patch->mean = sum / kPatchSamples;
-  float squares = 0, gradient = 0;
-  for (int j = 0; j < kPatchRows; ++j) {
-    float* row = patch->grey + j * kPatchColumns;
-    for (int i = 0; i < kPatchColumns; ++i) {
-      row[i] -= patch->mean;
-      squares += row[i] * row[i];
-    }
-    for (int i = 1; i + 1 < kPatchColumns; ++i) {
-      const float slope = row[i + 1] - row[i - 1];
-      gradient += slope * slope;
-    }
+  const Rows d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  VR sum = hn::Zero(d), gradient = hn::Zero(d);
+  for (int i = 0; i < kPatchRows * kRow; i += lanes) {
+    sum = hn::MulAdd(hn::Load(d, kTables.all + i % kRow), hn::Load(d, patch->grey() + i), sum);
   }
-  patch->gradient = gradient / (4 * kStep * kStep);
+  for (int i = 0; i < kPatchRows * kRow; i += lanes) {
+    const VR slope = hn::Sub(hn::LoadU(d, patch->grey() + i + 1), hn::LoadU(d, patch->grey() + i - 1));
+    const VR weight = hn::Load(d, kTables.inner + i % kRow);
+    gradient = hn::MulAdd(hn::Mul(weight, slope), slope, gradient);
+  }
+  patch->mean = total(sum) / kPatchSamples;
   const float least = job.settings.image_noise / job.settings.max_texture_sigma_px;
-  if (patch->gradient < 2 * least * least) return false;
-  const float norm = 1 / std::sqrt(squares);
-  for (int i = 0; i < kPatchSamples; ++i) patch->grey[i] *= norm;
+  if (total(gradient) < 2 * least * least * 4 * kStep * kStep) return false;
+  VR squares = hn::Zero(d);
+  for (int i = 0; i < kPatchRows * kRow; i += lanes) {
+    const VR weight = hn::Load(d, kTables.all + i % kRow);
+    const VR centred = hn::Mul(weight, hn::Sub(hn::Load(d, patch->grey() + i), hn::Set(d, patch->mean)));
+    squares = hn::MulAdd(centred, centred, squares);
+    hn::Store(centred, d, patch->grey() + i);
+  }
+  const VR norm = hn::Set(d, 1 / std::sqrt(total(squares)));
+  for (int i = 0; i < kPatchRows * kRow; i += lanes) {
+    hn::Store(hn::Mul(norm, hn::Load(d, patch->grey() + i)), d, patch->grey() + i);
+  }
   return true;
 }
 
@@ -154,8 +180,8 @@ HWY_INLINE void correlate(const Template& patch, const Search& search, int top, 
     VF product = hn::Zero(df), sum = hn::Zero(df), squares = hn::Zero(df);
     for (int k = 0; k < kPatchColumns; ++k) {
       for (int j = 0; j < kPatchRows; ++j) {
-        product = hn::MulAdd(hn::Set(df, patch.grey[j * kPatchColumns + k]),
-                             hn::LoadU(df, strip->grey[top + j] + i + k), product);
+        product =
+            hn::MulAdd(hn::Set(df, patch.grey()[j * kRow + k]), hn::LoadU(df, strip->grey[top + j] + i + k), product);
       }
       sum = hn::Add(sum, hn::LoadU(df, strip->sums + i + k));
       squares = hn::Add(squares, hn::LoadU(df, strip->squares + i + k));
@@ -165,6 +191,52 @@ HWY_INLINE void correlate(const Template& patch, const Search& search, int top, 
   }
 }
 
+/// The sums of MatchSums for the patch at the match.
+HWY_INLINE MatchSums match_sums(const Template& patch, const Strip& strip, const Match& match) {
+  constexpr float kInner = kPatchRows * (kPatchColumns - 2);
+  const Rows d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  VR sum_a = hn::Zero(d), sum_b = hn::Zero(d);
+  for (int j = 0; j < kPatchRows; ++j) {
+    const float *a = patch.grey() + j * kRow, *b = strip.grey[match.line + j] + match.step;
+    for (int i = 0; i < kRow; i += lanes) {
+      const VR weight = hn::Load(d, kTables.inner + i);
+      sum_a = hn::MulAdd(weight, hn::Load(d, a + i), sum_a);
+      sum_b = hn::MulAdd(weight, hn::LoadU(d, b + i), sum_b);
+    }
+  }
+  const VR mean_a = hn::Set(d, total(sum_a) / kInner), mean_b = hn::Set(d, total(sum_b) / kInner);
+  VR aa = hn::Zero(d), bb = hn::Zero(d);
+  for (int j = 0; j < kPatchRows; ++j) {
+    const float *a = patch.grey() + j * kRow, *b = strip.grey[match.line + j] + match.step;
+    for (int i = 0; i < kRow; i += lanes) {
+      const VR weight = hn::Load(d, kTables.inner + i);
+      const VR off_a = hn::Mul(weight, hn::Sub(hn::Load(d, a + i), mean_a));
+      const VR off_b = hn::Mul(weight, hn::Sub(hn::LoadU(d, b + i), mean_b));
+      aa = hn::MulAdd(off_a, off_a, aa);
+      bb = hn::MulAdd(off_b, off_b, bb);
+    }
+  }
+  const VR scale_a = hn::Set(d, 1 / std::sqrt(total(aa))), scale_b = hn::Set(d, 1 / std::sqrt(total(bb)));
+  VR gg = hn::Zero(d), ge = hn::Zero(d), ee = hn::Zero(d), g_sum = hn::Zero(d);
+  for (int j = 0; j < kPatchRows; ++j) {
+    const float *a = patch.grey() + j * kRow, *b = strip.grey[match.line + j] + match.step;
+    for (int i = 0; i < kRow; i += lanes) {
+      const VR weight = hn::Load(d, kTables.inner + i);
+      const VR e = hn::Mul(weight, hn::Sub(hn::Mul(scale_a, hn::Sub(hn::Load(d, a + i), mean_a)),
+                                           hn::Mul(scale_b, hn::Sub(hn::LoadU(d, b + i), mean_b))));
+      const VR slope_a = hn::Sub(hn::LoadU(d, a + i + 1), hn::LoadU(d, a + i - 1));
+      const VR slope_b = hn::Sub(hn::LoadU(d, b + i + 1), hn::LoadU(d, b + i - 1));  // a match is never the first step
+      const VR g = hn::Mul(hn::Mul(weight, hn::Set(d, 0.25F)), hn::MulAdd(scale_a, slope_a, hn::Mul(scale_b, slope_b)));
+      gg = hn::MulAdd(g, g, gg);
+      ge = hn::MulAdd(g, e, ge);
+      ee = hn::MulAdd(e, e, ee);
+      g_sum = hn::Add(g_sum, g);
+    }
+  }
+  return {.gg = total(gg), .ge = total(ge), .ee = total(ee), .g = total(g_sum)};
+}
+
 int UpdatePixels(const UpdateJob& job, std::span<std::uint32_t> active, UpdateCounts* counts) {
   constexpr int kStride = kMaxSteps + kMaxLanes;
   Template patch;
@@ -172,8 +244,13 @@ int UpdatePixels(const UpdateJob& job, std::span<std::uint32_t> active, UpdateCo
   HWY_ALIGN float scores[(2 * kMaxAcross + 1) * kStride];
   const auto width = static_cast<std::uint32_t>(job.settings.width);
   std::size_t kept = 0;
-  counts->planned += static_cast<int>(active.size());
   for (const std::uint32_t index : active) {
+    // Neighbours have different turns, so that any few pixels together are looked at in every frame.
+    if ((index % width + 2 * (index / width)) % job.turns != job.turn) {
+      active[kept++] = index;
+      continue;
+    }
+    ++counts->planned;
     const float x = static_cast<float>(index % width), y = static_cast<float>(index / width);
     PixelBelief& belief = job.beliefs[index];
     PixelState& state = job.states[index];
@@ -187,17 +264,18 @@ int UpdatePixels(const UpdateJob& job, std::span<std::uint32_t> active, UpdateCo
       for (int o = 0; o <= 2 * search.across; ++o) correlate(patch, search, o, &strip, scores + o * kStride);
       Match match = best_match(search, job.settings, scores, kStride);
       if (match.kind == Match::Kind::kFound) {
-        finish_match(search, patch.grey, strip.grey[match.line] + match.step, kStripColumns, &match);
+        finish_match(search, match_sums(patch, strip, match), &match);
       }
       ++counts->searched;
+      counts->samples += (search.steps + kPatchColumns - 1) * (kPatchRows + 2 * search.across);
       switch (match.kind) {
         case Match::Kind::kFound:
           belief = belief_after(belief, search, match, job.settings);
           ++counts->matched;
           break;
         case Match::Kind::kNone:
-          belief = missed_belief(belief);
-          outcome = PixelState::kNoMatch;
+          if (!search.cut) belief = missed_belief(belief);
+          outcome = search.cut ? PixelState::kNotVisible : PixelState::kNoMatch;
           break;
         case Match::Kind::kAmbiguous:
           ++counts->ambiguous;

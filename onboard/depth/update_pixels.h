@@ -16,6 +16,8 @@ struct UpdateJob {
   PixelSettings settings;
   std::array<ImagePyramid::Level, ImagePyramid::kLevels> key;
   std::array<ImagePyramid::Level, ImagePyramid::kLevels> frame;
+  std::uint32_t turns = 1;         ///< a pixel is updated in one of so many frames ...
+  std::uint32_t turn = 0;          ///< ... and this is that one's number
   PixelBelief* beliefs = nullptr;  ///< row-major, whole image
   PixelState* states = nullptr;
 };

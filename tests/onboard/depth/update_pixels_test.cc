@@ -79,6 +79,30 @@ struct Window {
   }
 };
 
+/// MatchSums by their definition.
+MatchSums plain_sums(const Window& a, const Window& b) {
+  constexpr int kInner = kPatchRows * (kPatchColumns - 2);
+  const auto over_inner = [](auto&& value) {
+    double sum = 0;
+    for (int j = 0; j < kPatchRows; ++j) {
+      for (int i = 1; i + 1 < kPatchColumns; ++i) sum += value(j, i);
+    }
+    return sum;
+  };
+  const double ma = over_inner([&](int j, int i) { return a.grey[j][i]; }) / kInner;
+  const double mb = over_inner([&](int j, int i) { return b.grey[j][i]; }) / kInner;
+  const double na = std::sqrt(over_inner([&](int j, int i) { return (a.grey[j][i] - ma) * (a.grey[j][i] - ma); }));
+  const double nb = std::sqrt(over_inner([&](int j, int i) { return (b.grey[j][i] - mb) * (b.grey[j][i] - mb); }));
+  const auto e = [&](int j, int i) { return (a.grey[j][i] - ma) / na - (b.grey[j][i] - mb) / nb; };
+  const auto g = [&](int j, int i) {
+    return ((a.grey[j][i + 1] - a.grey[j][i - 1]) / na + (b.grey[j][i + 1] - b.grey[j][i - 1]) / nb) / 4;
+  };
+  return {.gg = static_cast<float>(over_inner([&](int j, int i) { return g(j, i) * g(j, i); })),
+          .ge = static_cast<float>(over_inner([&](int j, int i) { return g(j, i) * e(j, i); })),
+          .ee = static_cast<float>(over_inner([&](int j, int i) { return e(j, i) * e(j, i); })),
+          .g = static_cast<float>(over_inner(g))};
+}
+
 /// One pixel's update without vectors.
 PixelBelief plain_update(const UpdateJob& job, const PixelBelief& belief, double x, double y) {
   const Search search = plan_search(job.geometry, job.settings, belief, static_cast<float>(x), static_cast<float>(y));
@@ -103,18 +127,13 @@ PixelBelief plain_update(const UpdateJob& job, const PixelBelief& belief, double
   Match match = best_match(search, job.settings, scores.data(), search.steps);
   if (match.kind == Match::Kind::kFound) {
     const Window there = Window::of_frame(job, search, match.step, match.line);
-    float patch[kPatchSamples], strip[kPatchSamples];
-    for (int k = 0; k < kPatchSamples; ++k) {
-      patch[k] = static_cast<float>(key.grey[k / kPatchColumns][k % kPatchColumns] - key.mean());
-      strip[k] = static_cast<float>(there.grey[k / kPatchColumns][k % kPatchColumns] - key.mean());
-    }
-    finish_match(search, patch, strip, kPatchColumns, &match);
+    finish_match(search, plain_sums(key, there), &match);
   }
   switch (match.kind) {
     case Match::Kind::kFound:
       return belief_after(belief, search, match, job.settings);
     case Match::Kind::kNone:
-      return missed_belief(belief);
+      return search.cut ? belief : missed_belief(belief);
     case Match::Kind::kAmbiguous:
       return belief;
   }
