@@ -81,9 +81,8 @@ std::vector<StampedPose> read_tum_trajectory(const std::filesystem::path& path) 
 }
 
 const StampedPose* nearest_pose(const std::vector<StampedPose>& trajectory, double time_s, double largest_gap_s) {
-  const auto after =
-      std::lower_bound(trajectory.begin(), trajectory.end(), time_s,
-                       [](const StampedPose& pose, double sought_s) { return pose.time_s < sought_s; });
+  const auto after = std::lower_bound(trajectory.begin(), trajectory.end(), time_s,
+                                      [](const StampedPose& pose, double sought_s) { return pose.time_s < sought_s; });
   const StampedPose* nearest = nullptr;
   for (const auto candidate : {after, after == trajectory.begin() ? after : after - 1}) {
     if (candidate == trajectory.end()) continue;
