@@ -23,7 +23,6 @@ constexpr int kSilentCycles = 3;       // without process data: the drive is los
 constexpr int kJointErrorCycles = 3;   // a following error that lasts
 constexpr int kWheelErrorCycles = 20;  // a wheel's speed may lag while it accelerates
 constexpr int kHeartbeatsMissed = 4;
-constexpr double kHomingZeroPart = 0.1;            // of the homing speed, off the switch
 constexpr milliseconds kStandstillPatience{1000};  // after a quick stop; whoever still moves then loses its power
 constexpr double kStandstill = 0.05;               // rad/s
 constexpr seconds kTransitionPatience{5};          // over the axes' own time-outs, which tell more
