@@ -1,37 +1,14 @@
 #include "onboard/depth/cpu_depth_backend.h"
 
 #include <algorithm>
-#include <array>
-#include <cstdlib>
 #include <stdexcept>
+
+#include "onboard/depth/key_states.h"
 
 namespace vantage {
 namespace {
 
 constexpr int kBandRows = 8;
-constexpr std::uint32_t kFirstTurns = 2;  // a key frame's first searches are long
-
-/// Standard deviation of an image's noise, grey levels: by the median of a second difference that no plane of grey
-/// passes (Immerkaer, "Fast noise variance estimation", 1996, made robust). Texture makes it too high where it covers
-/// more than half of the image.
-float estimate_noise(const ImagePyramid::Level& image) {
-  std::array<int, 4 * 512> histogram{};
-  int count = 0;
-  for (int y = 1; y + 1 < image.height; y += 2) {
-    const std::uint8_t* row = image.pixels + static_cast<std::ptrdiff_t>(y) * image.stride;
-    const std::uint8_t *above = row - image.stride, *below = row + image.stride;
-    for (int x = 1; x + 1 < image.width; x += 2) {
-      const int corners = above[x - 1] + above[x + 1] + below[x - 1] + below[x + 1];
-      const int sides = above[x] + below[x] + row[x - 1] + row[x + 1];
-      ++histogram[static_cast<std::size_t>(std::abs(corners - 2 * sides + 4 * row[x]))];
-      ++count;
-    }
-  }
-  int below_median = 0;
-  std::size_t median = 0;
-  while (median + 1 < histogram.size() && 2 * (below_median += histogram[median]) < count) ++median;
-  return static_cast<float>(median) / (0.6745F * 6);  // a Gaussian's median of |x|; the weights' norm
-}
 
 }  // namespace
 
@@ -78,56 +55,13 @@ void CpuDepthBackend::start(const GreyImage& key_image, std::span<const PixelBel
   if (beliefs.size() != beliefs_.size()) throw std::invalid_argument("CpuDepthBackend: a belief a pixel is needed");
   key_.build(key_image);
   job_.turns = kFirstTurns;
-  noise_ = std::min(job_.settings.image_noise, estimate_noise(key_.level(0)));
   std::copy(beliefs.begin(), beliefs.end(), beliefs_.begin());
-  const int width = job_.settings.width, height = job_.settings.height;
+  find_key_states(key_.level(0), job_.settings, states_);
   for (Band& band : bands_) {
     band.active = 0;
-    find_texture(band.first_row, band.end_row);
-    for (int y = band.first_row; y < band.end_row; ++y) {
-      const bool row_inside = y >= kBorder && y < height - kBorder;
-      for (int x = 0; x < width; ++x) {
-        const std::size_t index =
-            static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-        if (!row_inside || x < kBorder || x >= width - kBorder) {
-          states_[index] = PixelState::kBorder;
-        } else if (states_[index] != PixelState::kNoTexture) {
-          active_[band.first + band.active++] = static_cast<std::uint32_t>(index);
-        }
-      }
-    }
-  }
-}
-
-/// kNoTexture where the gradient of a patch, whatever the line's direction, leaves the place too uncertain; kUpdating
-/// elsewhere.
-void CpuDepthBackend::find_texture(int first_row, int end_row) {
-  const ImagePyramid::Level image = key_.level(0);
-  const float least = noise_ / job_.settings.max_texture_sigma_px;
-  // What noise alone makes of the sum of squared gradients, and as much as it takes for the larger eigenvalue of 99 in
-  // 100 patches of noise to stay below.
-  const float noise_energy = 2.5F * 0.5F * kPatchRows * kPatchRows * noise_ * noise_;
-  const float least_energy = noise_energy + 2 * least * least;
-  for (int y = first_row; y < end_row; ++y) {
-    for (int x = 0; x < image.width; ++x) {
-      PixelState& state =
-          states_[static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x)];
-      state = PixelState::kUpdating;
-      if (y < kBorder || y >= image.height - kBorder || x < kBorder || x >= image.width - kBorder) continue;
-      float xx = 0, xy = 0, yy = 0;
-      for (int v = y - kPatchRows / 2; v <= y + kPatchRows / 2; ++v) {
-        const std::uint8_t* row = image.pixels + static_cast<std::ptrdiff_t>(v) * image.stride + x;
-        for (int u = -(kPatchRows / 2); u <= kPatchRows / 2; ++u) {
-          const float gx = 0.5F * static_cast<float>(row[u + 1] - row[u - 1]);
-          const float gy = 0.5F * static_cast<float>(row[u + image.stride] - row[u - image.stride]);
-          xx += gx * gx;
-          xy += gx * gy;
-          yy += gy * gy;
-        }
-      }
-      // The larger eigenvalue of the structure tensor: the gradient along the best direction.
-      const float mean = 0.5F * (xx + yy), off = 0.5F * (xx - yy);
-      if (mean + std::sqrt(off * off + xy * xy) < least_energy) state = PixelState::kNoTexture;
+    const std::size_t width = static_cast<std::size_t>(job_.settings.width);
+    for (std::size_t i = band.first; i < static_cast<std::size_t>(band.end_row) * width; ++i) {
+      if (states_[i] == PixelState::kUpdating) active_[band.first + band.active++] = static_cast<std::uint32_t>(i);
     }
   }
 }
@@ -157,9 +91,7 @@ UpdateCounts CpuDepthBackend::update(const GreyImage& image, const PairGeometry&
     total.matched += band.counts.matched;
     total.ambiguous += band.counts.ambiguous;
   }
-  // The next frame's searches will be about as long as this one's.
-  const double whole = total.samples * job_.turns;
-  job_.turns = static_cast<std::uint32_t>(std::clamp(std::ceil(whole / samples_per_frame_), 1.0, 4.0));
+  job_.turns = next_turns(total.samples, job_.turns, samples_per_frame_);
   return total;
 }
 

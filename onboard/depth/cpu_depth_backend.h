@@ -31,13 +31,10 @@ class CpuDepthBackend : public DepthBackend {
     UpdateCounts counts{};
   };
 
-  void find_texture(int first_row, int end_row);
-
   WorkerPool* pool_;
   double samples_per_frame_;
   ImagePyramid key_, frame_;
   UpdateJob job_;
-  float noise_ = 0;  ///< of the key image, grey levels
   std::vector<PixelBelief> beliefs_;
   std::vector<PixelState> states_;
   std::vector<std::uint32_t> active_;
