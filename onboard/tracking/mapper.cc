@@ -22,6 +22,7 @@ constexpr double kHopelessInliers = 0.25;   // a seed below this inlier ratio go
 constexpr int kMissedInRow = 20;            // a point that is visible and not found so often goes
 constexpr double kRedundantShare = 0.9;     // of a key frame's points are seen by ...
 constexpr std::size_t kRedundantViews = 4;  // ... so many others: it goes
+constexpr std::size_t kRipe = 3;            // younger key frames, after which one's own seeds are points
 constexpr std::size_t kYoungKeyFrames = 8;  // are never redundant
 
 double median_of(std::vector<double>* values) {
@@ -216,7 +217,8 @@ void Mapper::run(const Task& task) {
   look_back(id);
   adjust_locally(id);
   cull(id);
-  if (options_.loop.enabled) close_loop(id);
+  if (!options_.loop.enabled) return;
+  if (const KeyFrameId ripe = ripe_key_frame(); ripe != 0) close_loop(ripe);
 }
 
 KeyFrameId Mapper::insert(const TrackedFrame& frame) {
@@ -580,6 +582,16 @@ void Mapper::index_place(KeyFrameId id) {
     }
   }
   places_.add(id, descriptors);
+}
+
+KeyFrameId Mapper::ripe_key_frame() const {
+  const std::lock_guard lock(mutex_);
+  const int piece = piece_of(newest_);
+  std::size_t younger = 0;
+  for (auto frame = map_.key_frames().rbegin(); frame != map_.key_frames().rend(); ++frame) {
+    if (frame->second.map == piece && younger++ == kRipe) return frame->first;
+  }
+  return 0;
 }
 
 void Mapper::close_loop(KeyFrameId id) {

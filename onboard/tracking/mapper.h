@@ -93,6 +93,10 @@ class Mapper {
   /// Moves a whole piece of map. Caller holds the lock.
   void move_piece(int piece, const Similarity& S_new_old);
   int piece_of(KeyFrameId id) const;
+  std::size_t key_frames() const {
+    const std::lock_guard lock(mutex_);
+    return map_.key_frames().size();
+  }
   int pieces() const { return pieces_; }
   int loops_closed() const { return loops_closed_; }
   std::uint64_t frames_dropped() const { return dropped_; }
@@ -123,6 +127,8 @@ class Mapper {
                   Landmark* seed) const;
   void connect(LandmarkId id);
   void adjust_locally(KeyFrameId id);
+  /// The newest key frame of the newest piece whose own points can be recognised; 0 for none.
+  KeyFrameId ripe_key_frame() const;
   void close_loop(KeyFrameId id);
   void cull(KeyFrameId newest);
   void drop_key_frame(KeyFrameId id);

@@ -148,6 +148,42 @@ double percentile(std::vector<double> values, double share) {
   return *at;
 }
 
+void note(const FrameRecord& record, RunSummary* summary) {
+  if (record.result.has_pose && summary->first_pose < 0) {
+    summary->first_pose = static_cast<int>(summary->frames.size());
+  }
+  summary->losses += record.result.state == TrackingState::kLost;
+  summary->relocalised += record.result.relocalised;
+  summary->frames.push_back(record);
+}
+
+void take_trajectory(Tracker* tracker, RunSummary* summary) {
+  // Pieces of map that were never joined have nothing in common: the one with most frames is the trajectory.
+  std::map<int, int> frames_in;
+  for (const FrameRecord& record : summary->frames) {
+    if (record.result.has_pose) ++frames_in[tracker->piece_of(record.result)];
+  }
+  int largest = 0, most = 0;
+  for (const auto& [piece, count] : frames_in) {
+    if (count > most) {
+      most = count;
+      largest = piece;
+    }
+  }
+  summary->pieces = static_cast<int>(frames_in.size());
+  summary->loops = tracker->mapper().loops_closed();
+  for (FrameRecord& record : summary->frames) {
+    if (!record.result.has_pose) continue;
+    const auto pose = tracker->T_world_camera(record.result);
+    if (!pose || tracker->piece_of(record.result) != largest) {
+      record.result.has_pose = false;
+      continue;
+    }
+    record.result.T_world_camera = *pose;
+    summary->trajectory.push_back({record.time_s, *pose});
+  }
+}
+
 }  // namespace
 
 Recording open_recording(const std::filesystem::path& folder) {
@@ -216,10 +252,7 @@ RunSummary run_recording(const Recording& recording, const TrackerOptions& track
       record.seconds = Seconds(std::chrono::steady_clock::now() - from).count();
       times.push_back(1e3 * record.seconds);
       processor_times.push_back(1e3 * (thread_seconds() - cpu_from));
-      if (record.result.has_pose && summary.first_pose < 0) summary.first_pose = static_cast<int>(i);
-      summary.losses += record.result.state == TrackingState::kLost;
-      summary.relocalised += record.result.relocalised;
-      summary.frames.push_back(record);
+      note(record, &summary);
     }
   }
   tracker.finish();
@@ -227,30 +260,7 @@ RunSummary run_recording(const Recording& recording, const TrackerOptions& track
     if (record.result.has_pose && !tracker.T_world_camera(record.result)) record.result.has_pose = false;
   }
   if (options.second_look) look_again(recording, &tracker, &summary.frames);
-  // Pieces of map that were never joined have nothing in common: the one with most frames is the trajectory.
-  std::map<int, int> frames_in;
-  for (const FrameRecord& record : summary.frames) {
-    if (record.result.has_pose) ++frames_in[tracker.piece_of(record.result)];
-  }
-  int largest = 0, most = 0;
-  for (const auto& [piece, count] : frames_in) {
-    if (count > most) {
-      most = count;
-      largest = piece;
-    }
-  }
-  summary.pieces = static_cast<int>(frames_in.size());
-  summary.loops = tracker.mapper().loops_closed();
-  for (FrameRecord& record : summary.frames) {
-    if (!record.result.has_pose) continue;
-    const auto pose = tracker.T_world_camera(record.result);
-    if (!pose || tracker.piece_of(record.result) != largest) {
-      record.result.has_pose = false;
-      continue;
-    }
-    record.result.T_world_camera = *pose;
-    summary.trajectory.push_back({record.time_s, *pose});
-  }
+  take_trajectory(&tracker, &summary);
   summary.ms_median = percentile(times, 0.5);
   summary.ms_p95 = percentile(times, 0.95);
   summary.cpu_ms_median = percentile(processor_times, 0.5);
@@ -258,6 +268,34 @@ RunSummary run_recording(const Recording& recording, const TrackerOptions& track
     summary.similar = trajectory_error(summary.trajectory, recording.truth, true);
     summary.rigid = trajectory_error(summary.trajectory, recording.truth, false);
   }
+  return summary;
+}
+
+RunSummary run_source(FrameSource* source, const CameraModel& camera, const TrackerOptions& tracker_options, int frames,
+                      const std::atomic<bool>& stop) {
+  RunSummary summary;
+  Tracker tracker(camera, tracker_options);
+  std::vector<double> times, processor_times;
+  while (!stop && (frames == 0 || static_cast<int>(summary.frames.size()) < frames)) {
+    Frame frame;
+    const FrameStatus status = source->next(&frame, std::chrono::milliseconds(200));
+    if (status == FrameStatus::kEnded) break;
+    if (status == FrameStatus::kTimeout) continue;
+    FrameRecord record;
+    record.time_s = static_cast<double>(frame.capture_time_ns) * 1e-9;
+    const double cpu_from = thread_seconds();
+    const auto from = std::chrono::steady_clock::now();
+    record.result = tracker.process(frame);
+    record.seconds = Seconds(std::chrono::steady_clock::now() - from).count();
+    times.push_back(1e3 * record.seconds);
+    processor_times.push_back(1e3 * (thread_seconds() - cpu_from));
+    note(record, &summary);
+  }
+  tracker.finish();
+  take_trajectory(&tracker, &summary);
+  summary.ms_median = percentile(times, 0.5);
+  summary.ms_p95 = percentile(times, 0.95);
+  summary.cpu_ms_median = percentile(processor_times, 0.5);
   return summary;
 }
 
@@ -270,10 +308,11 @@ std::string to_json(const RunSummary& s) {
                     [](const FrameRecord& f) { return f.result.has_pose && !f.afterwards; }),
       s.first_pose, s.losses, s.relocalised, s.ms_median, s.ms_p95, s.cpu_ms_median);
   if (s.similar) {
-    json +=
-        fmt::format(R"(, "ate_m": {:.5f}, "ate_se3_m": {:.5f}, "ate_worst_window_m": {:.5f}, "path_m": {:.4f}, )"
-                    R"("scale": {:.5f})",
-                    s.similar->rmse_m, s.rigid->rmse_m, s.similar->worst_window_m, s.similar->path_m, s.similar->scale);
+    json += fmt::format(
+        R"(, "ate_m": {:.5f}, "ate_se3_m": {:.5f}, "ate_worst_window_m": {:.5f}, "ate_mean_window_m": {:.5f}, "path_m": {:.4f}, )"
+        R"("scale": {:.5f})",
+        s.similar->rmse_m, s.rigid->rmse_m, s.similar->worst_window_m, s.similar->mean_window_m, s.similar->path_m,
+        s.similar->scale);
   } else {
     double path = 0;
     for (std::size_t i = 1; i < s.trajectory.size(); ++i) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -56,6 +57,10 @@ struct RunSummary {
 
 /// Runs the tracker over a recording. \throws InputError for an image that can't be read.
 RunSummary run_recording(const Recording& recording, const TrackerOptions& tracker, const RunOptions& options);
+
+/// Runs the tracker over whatever a source gives, until it ends, `stop` is set, or `frames` have come (0: no limit).
+RunSummary run_source(FrameSource* source, const CameraModel& camera, const TrackerOptions& tracker, int frames,
+                      const std::atomic<bool>& stop);
 
 /// The figures as one line of JSON.
 std::string to_json(const RunSummary& summary);

@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -9,13 +10,18 @@
 
 #include "calib/files/input_error.h"
 #include "calib/program.h"
+#include "calib/rig.h"
+#include "drivers/camera/v4l2_camera.h"
 #include "onboard/tracking/recording_run.h"
 
 namespace vantage::tracking {
 namespace {
 
+constexpr std::string_view kDevicePrefix = "v4l2:";
+
 struct Arguments {
-  std::string folder, out, states, kinematics;
+  std::string folder, out, states, kinematics, camera_file;
+  int frames = 0;
   std::vector<double> sigma{0.002, 0.2};
   std::vector<double> noise;
   bool one_look = false;
@@ -25,7 +31,8 @@ struct Arguments {
 
 void declare(CLI::App& app, Arguments& a) {
   app.set_version_flag("--version", std::string("vantage-track ") + VANTAGE_VERSION);
-  app.add_option("DIR", a.folder, "recording in TUM layout: rgb.txt, camera.yaml, groundtruth.txt if known")
+  app.add_option("DIR", a.folder,
+                 "recording in TUM layout: rgb.txt, camera.yaml, groundtruth.txt if known; or v4l2:DEVICE")
       ->required();
   app.add_option("--out", a.out, "trajectory to write (TUM), frames that have a pose")->required();
   app.add_option("--states", a.states, "write state, points and time of every frame");
@@ -36,10 +43,32 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--kinematics-noise", a.noise, "METRES,DEGREES,SEED: noise to add to it, to try how much it bears")
       ->delimiter(',')
       ->expected(3);
+  app.add_option("--camera-file", a.camera_file, "with v4l2:DEVICE: a camera.yaml with width, height and intrinsics");
+  app.add_option("--frames", a.frames, "with v4l2:DEVICE: end after so many (0: at Ctrl-C)")
+      ->check(CLI::NonNegativeNumber);
   app.add_flag("--one-look", a.one_look, "leave frames without a pose that had none when they came");
 }
 
+int run_device(Arguments& a) {
+  if (a.camera_file.empty()) throw InputError("--camera-file: a device needs one, e.g. camera.yaml");
+  const CameraModel camera = load_recording_camera(a.camera_file).camera;
+  std::string why;
+  if (!camera.valid(&why)) throw InputError(a.camera_file + ": " + why);
+  V4l2CameraOptions device;
+  device.device = a.folder.substr(kDevicePrefix.size());
+  device.stream.width = camera.width;
+  device.stream.height = camera.height;
+  V4l2Camera source(device);
+  a.tracker.mapper.threaded = true;
+  const RunSummary summary = run_source(&source, camera, a.tracker, a.frames, interrupt_flag());
+  write_tum_trajectory(a.out, summary.trajectory);
+  if (!a.states.empty()) write_states(a.states, summary);
+  fmt::print("{}\n", to_json(summary));
+  return kExitOk;
+}
+
 int run(Arguments& a) {
+  if (a.folder.starts_with(kDevicePrefix)) return run_device(a);
   Recording recording = open_recording(a.folder);
   constexpr double kRadians = M_PI / 180;
   if (!a.kinematics.empty()) {

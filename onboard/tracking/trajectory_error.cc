@@ -40,6 +40,7 @@ TrajectoryError trajectory_error(const std::vector<StampedPose>& estimate, const
   if (a.size() < 3) return error;
   for (std::size_t i = 1; i < b.size(); ++i) error.path_m += (b[i] - b[i - 1]).norm();
   error.rmse_m = rmse(a, b, with_scale, &error.scale);
+  int windows = 0;
   for (std::size_t first = 0; first + window_frames <= truth.size();
        first += std::max<std::size_t>(1, window_frames / 4)) {
     const auto from = std::lower_bound(numbers.begin(), numbers.end(), first) - numbers.begin();
@@ -47,10 +48,13 @@ TrajectoryError trajectory_error(const std::vector<StampedPose>& estimate, const
     const auto count = static_cast<std::size_t>(to - from);
     if (2 * count < window_frames) continue;
     const auto offset = static_cast<std::size_t>(from);
-    error.worst_window_m =
-        std::max(error.worst_window_m,
-                 rmse(std::span(a).subspan(offset, count), std::span(b).subspan(offset, count), with_scale, nullptr));
+    const double window =
+        rmse(std::span(a).subspan(offset, count), std::span(b).subspan(offset, count), with_scale, nullptr);
+    error.worst_window_m = std::max(error.worst_window_m, window);
+    error.mean_window_m += window;
+    ++windows;
   }
+  if (windows > 0) error.mean_window_m /= windows;
   return error;
 }
 

@@ -13,6 +13,7 @@ struct TrajectoryError {
   double rmse_m = 0;          ///< absolute trajectory error of the camera's centres (Sturm et al. 2012), truth's metres
   double scale = 1;           ///< truth's metres per estimated one
   double worst_window_m = 0;  ///< the largest rmse of any 200 frames aligned on their own
+  double mean_window_m = 0;   ///< their mean
   double path_m = 0;          ///< length of the truth's way through these poses
 };
 

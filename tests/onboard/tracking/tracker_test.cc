@@ -135,6 +135,21 @@ TEST(Tracker, AMappingThreadGivesTheSameAccuracy) {
   EXPECT_LT(error.rmse_m, 0.005);
 }
 
+TEST(Tracker, AFullMapLetsItsMostRedundantKeyFrameGo) {
+  TrackerOptions options;
+  options.mapper.most_key_frames = 10;
+  options.key_frame_parallax = 0.03;
+  Tracker tracker(quarter_camera(), options);
+  std::size_t most = 0;
+  const Journey r = run(&tracker, 120, [&](int i) -> Input {
+    most = std::max(most, tracker.mapper().key_frames());
+    return seen(i);
+  });
+  EXPECT_GE(most, 10U);
+  EXPECT_LE(most, 12U);
+  EXPECT_LT(trajectory_error(r.trajectory, r.truth, true).rmse_m, 0.006) << "frames of key frames that went are kept";
+}
+
 TEST(Tracker, FramesOfAnotherSizeAreFramesWithoutAPose) {
   Tracker tracker(quarter_camera());
   CameraModel small = quarter_camera();
