@@ -92,7 +92,8 @@ TEST_F(Drives, NineAxesAreHomedAndDrivenForAMinuteAt100HzUnderAWitness) {
   }
   EXPECT_NEAR(value("cycles") + value("missed"), 6000, 10);
   EXPECT_NEAR(value("turned"), 0.5 * 60, 0.5);  // 0.5 rad/s for a minute, less the ramp
-  EXPECT_LT(value("worst_following_error"), exact ? 0.003 : 0.02);
+  // A cycle at the fastest, 0.79 rad/s, is 0.0079 rad: the error is the servo's, not the loop's.
+  EXPECT_LT(value("worst_following_error"), exact ? 0.006 : 0.02);
 
   // What the witness saw in the minute of movement: from the end, where the robot stops talking.
   const double end = frames.back().time_s, begin = end - 58;
