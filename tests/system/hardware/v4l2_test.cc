@@ -49,6 +49,18 @@ std::vector<std::uint8_t> as_yuyv(const std::vector<std::uint8_t>& grey) {
   return yuyv;
 }
 
+/// The same with colours that do not matter, half as large as the picture, behind it.
+std::vector<std::uint8_t> as_nv12(const std::vector<std::uint8_t>& grey) {
+  std::vector<std::uint8_t> nv12 = grey;
+  for (std::size_t i = 0; i < grey.size() / 2; ++i) nv12.push_back(static_cast<std::uint8_t>(i * 5));
+  return nv12;
+}
+
+std::vector<std::uint8_t> in_format(const std::vector<std::uint8_t>& grey, std::uint32_t fourcc) {
+  if (fourcc == V4L2_PIX_FMT_YUYV) return as_yuyv(grey);
+  return fourcc == V4L2_PIX_FMT_NV12 ? as_nv12(grey) : grey;
+}
+
 /// The output node, streaming from mapped buffers: shows one picture a frame.
 class OutputStream {
  public:
@@ -147,7 +159,7 @@ class Feeder {
         continue;
       }
       const std::vector<std::uint8_t> grey = picture(n++);
-      if (output->show(fourcc_ == V4L2_PIX_FMT_YUYV ? as_yuyv(grey) : grey)) {
+      if (output->show(in_format(grey, fourcc_))) {
         ++written_;
       } else {
         output.reset();
@@ -236,6 +248,51 @@ void frames_arrive_bit_exact(std::uint32_t fourcc, const std::string& format, bo
 TEST(V4l2, GreyFramesArriveBitExactWithoutACopy) { frames_arrive_bit_exact(V4L2_PIX_FMT_GREY, "GREY", true); }
 
 TEST(V4l2, YuyvFramesArriveBitExact) { frames_arrive_bit_exact(V4L2_PIX_FMT_YUYV, "YUYV", false); }
+
+TEST(V4l2, Nv12FramesArriveBitExactWithoutACopy) { frames_arrive_bit_exact(V4L2_PIX_FMT_NV12, "NV12", true); }
+
+/// The kernel's own test picture, chequers of black and white, as a webcam (vivid's input 1) gives it in a format.
+std::vector<double> chequers(const std::string& format) {
+  V4l2CameraOptions options = options_for(format);
+  options.stream.rate_hz = 25;
+  V4l2Camera camera(options);
+  Frame frame;
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame) << camera.end_reason();
+  EXPECT_EQ(camera.counters().faulty, 0U);
+  std::vector<double> grey;
+  for (int y = 0; y < kHeight; ++y) {
+    const std::uint8_t* row = frame.image.pixels.get() + y * frame.image.stride;
+    grey.insert(grey.end(), row, row + kWidth);
+  }
+  return grey;
+}
+
+TEST(V4l2, EveryFormatShowsTheSamePicture) {
+  shell("v4l2-ctl -d /dev/video0 -i 1 -c test_pattern=10 -c osd_text_mode=2");
+  const std::vector<double> reference = chequers("GREY");
+  const auto [darkest, brightest] = std::minmax_element(reference.begin(), reference.end());
+  ASSERT_GT(*brightest - *darkest, 150) << "the test picture is flat";
+  // Video range brings black from 0 to 16 and white from 255 to 235: 18 in the mean. A chequer of 16 pixels has an edge
+  // of two where a bayer pattern's colours are interpolated: a quarter of all pixels, by a quarter of the range.
+  for (const auto& [format, most] : std::initializer_list<std::pair<const char*, double>>{{"YUYV", 18.5},
+                                                                                          {"NV12", 18.5},
+                                                                                          {"Y10", 0.5},
+                                                                                          {"Y16", 0.5},
+                                                                                          {"BA81", 16},
+                                                                                          {"GBRG", 16},
+                                                                                          {"GRBG", 16},
+                                                                                          {"RGGB", 16}}) {
+    const std::vector<double> grey = chequers(format);
+    ASSERT_EQ(grey.size(), reference.size());
+    double difference = 0;
+    for (std::size_t i = 0; i < grey.size(); ++i) difference += std::abs(grey[i] - reference[i]);
+    difference /= static_cast<double>(grey.size());
+    std::printf("%s: %.2f grey levels from GREY, mean; from %.0f to %.0f\n", format, difference,
+                *std::min_element(grey.begin(), grey.end()), *std::max_element(grey.begin(), grey.end()));
+    EXPECT_LT(difference, most) << format;
+  }
+  shell("v4l2-ctl -d /dev/video0 -i 0 -c test_pattern=0 -c osd_text_mode=0");
+}
 
 TEST(V4l2, TimeStampsOfTheFutureAreCorrectedAndTold) {
   stamp_at_start(false);
