@@ -23,6 +23,8 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
+constexpr double kSameTime_s = 0.005;  // between a frame and what the robot said of it
+
 Frame read_frame(const Recording& recording, std::size_t i) {
   const StampedFile& file = recording.images[i];
   auto image = std::make_shared<cv::Mat>(cv::imread(file.path.string(), cv::IMREAD_GRAYSCALE));
@@ -96,11 +98,9 @@ class Reader {
 };
 
 std::optional<PosePrior> prior_at(const Recording& recording, double time_s) {
-  for (const StampedPose& pose : recording.kinematics) {
-    if (std::abs(pose.time_s - time_s) > 1e-3) continue;
-    return PosePrior{pose.T_world_camera, recording.kinematics_sigma_m, recording.kinematics_sigma_rad};
-  }
-  return std::nullopt;
+  const StampedPose* pose = nearest_pose(recording.kinematics, time_s, kSameTime_s);
+  if (pose == nullptr) return std::nullopt;
+  return PosePrior{pose->T_world_camera, recording.kinematics_sigma_m, recording.kinematics_sigma_rad};
 }
 
 /// Seeks frames without a pose from their posed neighbours outwards: backward in time first, from where a map began or
@@ -265,7 +265,11 @@ RunSummary run_recording(const Recording& recording, const TrackerOptions& track
   summary.ms_p95 = percentile(times, 0.95);
   summary.cpu_ms_median = percentile(processor_times, 0.5);
   if (!recording.truth.empty()) {
-    summary.similar = trajectory_error(summary.trajectory, recording.truth, true);
+    constexpr double kWindowFrames = 200;
+    const double frames = static_cast<double>(std::max<std::size_t>(2, recording.images.size()) - 1);
+    const double window_s = kWindowFrames * (recording.images.back().time_s - recording.images.front().time_s) / frames;
+    summary.similar = trajectory_error(summary.trajectory, recording.truth, true, window_s,
+                                       static_cast<std::size_t>(kWindowFrames / 2));
     summary.rigid = trajectory_error(summary.trajectory, recording.truth, false);
   }
   return summary;

@@ -135,6 +135,20 @@ TEST(Tracker, AMappingThreadGivesTheSameAccuracy) {
   EXPECT_LT(error.rmse_m, 0.005);
 }
 
+TEST(Tracker, ALensThatDistortsIsTrackedAsWell) {
+  CameraModel wide = quarter_camera();
+  wide.fx = wide.fy = 200;
+  wide.distortion = Distortion::kRadTan;
+  wide.coefficients = {-0.28, 0.07, 0.0005, -0.0003, 0};
+  Tracker tracker(wide);
+  const Journey r = run(&tracker, 80, [&](int i) -> Input {
+    return {TexturedScene::render(wide, swaying(i), static_cast<std::uint64_t>(i)), std::nullopt};
+  });
+  const TrajectoryError error = trajectory_error(r.trajectory, r.truth, true);
+  EXPECT_GT(error.poses, 50U);
+  EXPECT_LT(error.rmse_m, 0.005);
+}
+
 TEST(Tracker, AFullMapLetsItsMostRedundantKeyFrameGo) {
   TrackerOptions options;
   options.mapper.most_key_frames = 10;
