@@ -311,7 +311,7 @@ std::string to_json(const RunSummary& s) {
       std::count_if(s.frames.begin(), s.frames.end(),
                     [](const FrameRecord& f) { return f.result.has_pose && !f.afterwards; }),
       s.first_pose, s.losses, s.relocalised, s.ms_median, s.ms_p95, s.cpu_ms_median);
-  if (s.similar) {
+  if (s.similar && s.similar->poses >= 3) {
     json += fmt::format(
         R"(, "ate_m": {:.5f}, "ate_se3_m": {:.5f}, "ate_worst_window_m": {:.5f}, "ate_mean_window_m": {:.5f}, "path_m": {:.4f}, )"
         R"("scale": {:.5f})",
