@@ -10,8 +10,8 @@ void halve(const ImageView& from, std::uint8_t* to, int width, int height) {
     const std::uint8_t* a = from.row(2 * v);
     const std::uint8_t* b = from.row(2 * v + 1);
     std::uint8_t* out = to + static_cast<std::ptrdiff_t>(v) * width;
-    for (int u = 0; u < width; ++u) {
-      out[u] = static_cast<std::uint8_t>((a[2 * u] + a[2 * u + 1] + b[2 * u] + b[2 * u + 1] + 2) >> 2);
+    for (int u = 0; u < width; ++u, a += 2, b += 2) {
+      out[u] = static_cast<std::uint8_t>((a[0] + a[1] + b[0] + b[1] + 2) >> 2);
     }
   }
 }

@@ -161,7 +161,7 @@ SeedUpdate find_seed(const CameraModel& camera, const KeyFrame& host, const Imag
       if (!project(rho_far + (rho_near - rho_far) * i / steps, &pixel)) continue;
       const Eigen::Vector2i at(static_cast<int>(std::lround(to_level(pixel.x(), warped.level))),
                                static_cast<int>(std::lround(to_level(pixel.y(), warped.level))));
-      if (at == last || !image.inside(at.x(), at.y(), kPatch / 2 + 1)) continue;
+      if (at == last || !image.inside(at.x(), at.y(), kPatch / 2.0 + 1)) continue;
       last = at;
       ++inside;
       const double here = correlation.at(image, at.x(), at.y());

@@ -32,7 +32,7 @@ MapSearch::MapSearch(const CameraModel& camera, const MapSearchOptions& options)
   cell_px_ = std::max(8, (camera.width + options.cells_across - 1) / options.cells_across);
   columns_ = (camera.width + cell_px_ - 1) / cell_px_;
   rows_ = (camera.height + cell_px_ - 1) / cell_px_;
-  cells_.resize(static_cast<std::size_t>(columns_ * rows_));
+  cells_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
   order_.resize(cells_.size());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
   std::mt19937 random(1);
@@ -68,7 +68,8 @@ void MapSearch::run(Map* map, const std::vector<KeyFrameId>& key_frames, const I
       rank = length < options_.seed_spread_px ? 1 / (1 + length) : -length;
     }
     const int column = static_cast<int>(pixel.x()) / cell_px_, row = static_cast<int>(pixel.y()) / cell_px_;
-    cells_[static_cast<std::size_t>(row * columns_ + column)].push_back({landmark, rank});
+    cells_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)]
+        .push_back({landmark, rank});
   };
   for (const KeyFrameId id : key_frames) {
     const KeyFrame* frame = map->key_frame(id);

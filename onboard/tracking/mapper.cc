@@ -223,7 +223,7 @@ void Mapper::run(const Task& task) {
 
 KeyFrameId Mapper::insert(const TrackedFrame& frame) {
   const std::lock_guard lock(mutex_);
-  const auto T = T_camera_world(frame.reference, frame.T_camera_reference, frame.reference_scale);
+  const auto T = pose_of(frame.reference, frame.T_camera_reference, frame.reference_scale);
   if (!T) return 0;
   KeyFrame added;
   added.sequence = frame.sequence;
@@ -314,7 +314,7 @@ void Mapper::create_seeds(KeyFrameId id) {
 
 void Mapper::update_seeds(const TrackedFrame& frame) {
   const std::lock_guard lock(mutex_);
-  const auto T = T_camera_world(frame.reference, frame.T_camera_reference, frame.reference_scale);
+  const auto T = pose_of(frame.reference, frame.T_camera_reference, frame.reference_scale);
   if (!T) return;
   const int piece = piece_of(frame.reference);
   std::vector<std::pair<const KeyFrame*, Landmark*>> seeds;
@@ -660,12 +660,12 @@ void Mapper::close_loop(KeyFrameId id) {
   adjust_locally(id);
 }
 
-std::optional<Eigen::Isometry3d> Mapper::T_camera_world(KeyFrameId id) const {
-  return T_camera_world(id, Eigen::Isometry3d::Identity(), 0);
+std::optional<Eigen::Isometry3d> Mapper::pose_of(KeyFrameId id) const {
+  return pose_of(id, Eigen::Isometry3d::Identity(), 0);
 }
 
-std::optional<Eigen::Isometry3d> Mapper::T_camera_world(KeyFrameId id, const Eigen::Isometry3d& T_camera_reference,
-                                                        double reference_scale) const {
+std::optional<Eigen::Isometry3d> Mapper::pose_of(KeyFrameId id, const Eigen::Isometry3d& T_camera_reference,
+                                                 double reference_scale) const {
   Eigen::Isometry3d T = T_camera_reference;
   for (auto heir = heirs_.find(id); heir != heirs_.end(); heir = heirs_.find(id)) {
     if (reference_scale > 0) T.translation() *= heir->second.gone_scale / reference_scale;

@@ -84,11 +84,12 @@ class Mapper {
   /// Waits until nothing is left to do.
   void finish();
 
-  /// Pose of a key frame, or of one that was culled, through its heir. Caller holds the lock.
-  std::optional<Eigen::Isometry3d> T_camera_world(KeyFrameId id) const;
-  /// Pose of a frame by its key frame: when the key frame's scale has changed since, so has the frame's distance to it.
-  std::optional<Eigen::Isometry3d> T_camera_world(KeyFrameId reference, const Eigen::Isometry3d& T_camera_reference,
-                                                  double reference_scale) const;
+  /// T_camera_world of a key frame, or of one that was culled, through its heir. Caller holds the lock.
+  std::optional<Eigen::Isometry3d> pose_of(KeyFrameId id) const;
+  /// T_camera_world of a frame by its key frame: when the key frame's scale has changed since, so has the frame's
+  /// distance to it.
+  std::optional<Eigen::Isometry3d> pose_of(KeyFrameId reference, const Eigen::Isometry3d& T_camera_reference,
+                                           double reference_scale) const;
   double scale_of(KeyFrameId id) const;
   /// Moves a whole piece of map. Caller holds the lock.
   void move_piece(int piece, const Similarity& S_new_old);

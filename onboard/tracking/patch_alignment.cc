@@ -138,10 +138,10 @@ PatchAlignment align_patch(const ImageView& image, const BorderedPatch& patch, c
   // and one. The offset then follows by itself: every other column is made zero-mean.
   std::array<float, kPixels> gx, gy, value, current;
   float mean = 0;
-  for (int y = 0; y < kPatch; ++y) {
-    const float* p = &patch[static_cast<std::size_t>((y + 1) * kBorderedPatch + 1)];
+  for (std::size_t y = 0; y < kPatch; ++y) {
+    const float* p = &patch[(y + 1) * kBorderedPatch + 1];
     for (int x = 0; x < kPatch; ++x) {
-      const auto i = static_cast<std::size_t>(y * kPatch + x);
+      const std::size_t i = y * kPatch + static_cast<std::size_t>(x);
       gx[i] = 0.5F * (p[x + 1] - p[x - 1]);
       gy[i] = 0.5F * (p[x + kBorderedPatch] - p[x - kBorderedPatch]);
       value[i] = p[x];

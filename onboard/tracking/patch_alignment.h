@@ -13,7 +13,7 @@ inline constexpr int kPatch = 8;
 inline constexpr int kBorderedPatch = kPatch + 2;
 
 /// Grey values around a feature, row by row; the feature itself lies at (5, 5) of the ten.
-using BorderedPatch = std::array<float, kBorderedPatch * kBorderedPatch>;
+using BorderedPatch = std::array<float, std::size_t{kBorderedPatch} * kBorderedPatch>;
 
 struct PatchAlignment {
   bool converged = false;   ///< the last step was under 0.03 px and the patch stayed inside the image
@@ -46,7 +46,7 @@ class PatchCorrelation {
   double at(const ImageView& image, int u, int v) const;
 
  private:
-  std::array<float, kPatch * kPatch> normalised_;
+  std::array<float, std::size_t{kPatch} * kPatch> normalised_;
   bool contrast_;
 };
 

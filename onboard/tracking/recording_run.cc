@@ -174,7 +174,7 @@ void take_trajectory(Tracker* tracker, RunSummary* summary) {
   summary->loops = tracker->mapper().loops_closed();
   for (FrameRecord& record : summary->frames) {
     if (!record.result.has_pose) continue;
-    const auto pose = tracker->T_world_camera(record.result);
+    const auto pose = tracker->pose_of(record.result);
     if (!pose || tracker->piece_of(record.result) != largest) {
       record.result.has_pose = false;
       continue;
@@ -257,7 +257,7 @@ RunSummary run_recording(const Recording& recording, const TrackerOptions& track
   }
   tracker.finish();
   for (FrameRecord& record : summary.frames) {  // of a start that was undone
-    if (record.result.has_pose && !tracker.T_world_camera(record.result)) record.result.has_pose = false;
+    if (record.result.has_pose && !tracker.pose_of(record.result)) record.result.has_pose = false;
   }
   if (options.second_look) look_again(recording, &tracker, &summary.frames);
   take_trajectory(&tracker, &summary);

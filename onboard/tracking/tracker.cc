@@ -145,7 +145,7 @@ void Tracker::start(const Frame& frame, const std::optional<PosePrior>& prior, T
   result->nearest_distance_m = 0.5 * options_.scene_distance_m;
   {
     const std::lock_guard lock(mapper_.mutex());
-    T_camera_world_key_frame_ = *mapper_.T_camera_world(tracked.reference);
+    T_camera_world_key_frame_ = *mapper_.pose_of(tracked.reference);
   }
   result->T_world_camera = T_camera_world_key_frame_.inverse();
   state_ = result->state = prior ? TrackingState::kWeak : TrackingState::kTracking;
@@ -295,7 +295,7 @@ bool Tracker::track(const std::shared_ptr<const ImagePyramid>& image, std::int64
                     const std::optional<PosePrior>& prior, TrackedFrame* tracked, TrackingResult* result) {
   const std::lock_guard lock(mapper_.mutex());
   const TrackedFrame& before = last_->frame;
-  const auto T_last = mapper_.T_camera_world(before.reference, before.T_camera_reference, before.reference_scale);
+  const auto T_last = mapper_.pose_of(before.reference, before.T_camera_reference, before.reference_scale);
   if (!T_last) return false;
   last_->T_camera_world = *T_last;  // where the map has moved it since
 
@@ -325,7 +325,7 @@ bool Tracker::track(const std::shared_ptr<const ImagePyramid>& image, std::int64
     }
   }
   tracked->reference = nearest;
-  tracked->T_camera_reference = renormalized(T * mapper_.T_camera_world(nearest)->inverse());
+  tracked->T_camera_reference = renormalized(T * mapper_.pose_of(nearest)->inverse());
   fill(matches_, refined, T, tracked, result);
   return true;
 }
@@ -337,7 +337,7 @@ bool Tracker::try_relocalise(const std::shared_ptr<const ImagePyramid>& image, T
       relocalise(camera_, &mapper_.map(), mapper_.places(), *image, &search_, &rotation_);
   if (!found) return false;
   tracked->reference = found->place;
-  tracked->T_camera_reference = renormalized(found->T_camera_world * mapper_.T_camera_world(found->place)->inverse());
+  tracked->T_camera_reference = renormalized(found->T_camera_world * mapper_.pose_of(found->place)->inverse());
   fill(found->matches, found->pose, found->T_camera_world, tracked, result);
   last_.reset();
   return true;
@@ -401,7 +401,7 @@ void Tracker::settle_in_robot_frame() {
   double sigma_m = 0;
   for (std::size_t i = 0; i < posed_.size(); ++i) {
     if (posed_[i].state != TrackingState::kTracking) continue;
-    const auto T = mapper_.T_camera_world(posed_[i].reference, posed_[i].T_camera_reference, posed_[i].reference_scale);
+    const auto T = mapper_.pose_of(posed_[i].reference, posed_[i].T_camera_reference, posed_[i].reference_scale);
     if (!T || mapper_.piece_of(posed_[i].reference) != mapper_.piece_of(last_->frame.reference)) continue;
     ours.push_back(T->inverse().translation());
     robots.push_back(priors_[i].T_world_camera.translation());
@@ -444,7 +444,7 @@ TrackingResult Tracker::locate(const Frame& frame, const TrackingResult* neighbo
   const std::optional<Last> kept = last_;
   bool found = false;
   if (neighbour != nullptr && neighbour_frame != nullptr) {
-    if (const auto T = T_world_camera(*neighbour)) {
+    if (const auto T = pose_of(*neighbour)) {
       // The neighbour's own points first: its pose is known, its features are sought anew.
       const std::lock_guard lock(mapper_.mutex());
       Last beside;
@@ -468,10 +468,10 @@ TrackingResult Tracker::locate(const Frame& frame, const TrackingResult* neighbo
   return result;
 }
 
-std::optional<Eigen::Isometry3d> Tracker::T_world_camera(const TrackingResult& result) {
+std::optional<Eigen::Isometry3d> Tracker::pose_of(const TrackingResult& result) {
   if (!result.has_pose) return std::nullopt;
   const std::lock_guard lock(mapper_.mutex());
-  const auto T = mapper_.T_camera_world(result.reference, result.T_camera_reference, result.reference_scale);
+  const auto T = mapper_.pose_of(result.reference, result.T_camera_reference, result.reference_scale);
   if (!T) return std::nullopt;
   return T->inverse();
 }

@@ -85,8 +85,8 @@ class Tracker {
   /// nothing by relocalisation. For frames that had none when they came.
   TrackingResult locate(const Frame& frame, const TrackingResult* neighbour, const Frame* neighbour_frame);
 
-  /// Pose of an earlier result in the map as it is now. None when its map was undone.
-  std::optional<Eigen::Isometry3d> T_world_camera(const TrackingResult& result);
+  /// T_world_camera of an earlier result in the map as it is now. None when its map was undone.
+  std::optional<Eigen::Isometry3d> pose_of(const TrackingResult& result);
   /// The piece of map that an earlier result belongs to: results of different pieces have nothing in common.
   int piece_of(const TrackingResult& result);
 

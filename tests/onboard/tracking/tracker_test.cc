@@ -32,7 +32,7 @@ Journey run(Tracker* tracker, int frames, At at) {
   }
   tracker->finish();
   for (int i = 0; i < frames; ++i) {
-    if (const auto pose = tracker->T_world_camera(journey.results[static_cast<std::size_t>(i)])) {
+    if (const auto pose = tracker->pose_of(journey.results[static_cast<std::size_t>(i)])) {
       journey.trajectory.push_back({0.1 * i, *pose});
     }
   }
