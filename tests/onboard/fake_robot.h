@@ -24,12 +24,12 @@ class FakeRobot final : public FrameSource, public CameraCarrier {
     auto pixels = std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(model.width * model.height));
     for (std::size_t i = 0; i < pixels->size(); ++i)
       (*pixels)[i] = static_cast<std::uint8_t>(i * i * 2654435761u >> 24);
-    *frame = Frame{++exposures_ * 1000,
-                   static_cast<std::uint64_t>(exposures_),
-                   0.01,
-                   {model.width, model.height, model.width, {pixels, pixels->data()}},
-                   {},
-                   pose_};
+    *frame = Frame{};
+    frame->capture_time_ns = ++exposures_ * 1000;
+    frame->sequence = static_cast<std::uint64_t>(exposures_);
+    frame->exposure_s = 0.01;
+    frame->image = {model.width, model.height, model.width, {pixels, pixels->data()}};
+    frame->T_world_camera = pose_;
     frame->right_image = frame->image;
     return FrameStatus::kFrame;
   }
