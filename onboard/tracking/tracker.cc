@@ -90,7 +90,7 @@ TrackingResult Tracker::process(const Frame& frame, const std::optional<PosePrio
     state_ = result.state = result.points < options_.weak_inliers ? TrackingState::kWeak : TrackingState::kTracking;
     result.relocalised = frames_without_pose_ > 0;
     frames_without_pose_ = 0;
-    accept(std::move(tracked), result);
+    accept(tracked, result);
     if (robot_ && prior) {
       posed_.push_back(result);
       priors_.push_back(*prior);
@@ -372,7 +372,7 @@ bool Tracker::key_frame_due(const TrackedFrame& tracked, const TrackingResult& r
   return true;
 }
 
-void Tracker::accept(TrackedFrame tracked, const TrackingResult& result) {
+void Tracker::accept(const TrackedFrame& tracked, const TrackingResult& result) {
   const Eigen::Isometry3d T_camera_world = result.T_world_camera.inverse();
   if (last_ && !result.relocalised) {
     velocity_ = T_camera_world * last_->T_camera_world.inverse();

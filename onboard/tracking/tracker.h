@@ -114,7 +114,7 @@ class Tracker {
   void fill(const MapMatches& matches, const RefinedPose& refined, const Eigen::Isometry3d& T_camera_world,
             TrackedFrame* tracked, TrackingResult* result);
   bool key_frame_due(const TrackedFrame& tracked, const TrackingResult& result);
-  void accept(TrackedFrame tracked, const TrackingResult& result);
+  void accept(const TrackedFrame& tracked, const TrackingResult& result);
   void settle_in_robot_frame();
 
   CameraModel camera_;
