@@ -28,7 +28,7 @@ struct DepthFilterOptions {
 
   // Samples of the frame's image that an update takes at the most, about: where searches are long, every second or
   // third pixel is updated, in turns. Counted, not timed, so that the same frames give the same depth.
-  double samples_per_frame = 30e6;
+  double samples_per_frame = 27e6;
 
   /// False, with the reason in `why`, where a value makes no sense.
   bool valid(std::string* why = nullptr) const;

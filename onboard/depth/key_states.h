@@ -13,7 +13,7 @@ namespace vantage {
 void find_key_states(const ImagePyramid::Level& image, const PixelSettings& settings, std::span<PixelState> states);
 
 /// In how many turns a key frame's first update is made: its searches are long.
-inline constexpr std::uint32_t kFirstTurns = 2;
+inline constexpr std::uint32_t kFirstTurns = 4;
 
 /// In how many turns the next update is made, so that it takes about `budget` samples: its searches will be as long as
 /// those of the last, which took `samples` in one of `turns`.
