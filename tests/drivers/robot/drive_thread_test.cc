@@ -11,12 +11,12 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "allocation_watch.h"
 #include "calib/rig.h"
 #include "drivers/can/open_can_bus.h"
 #include "drivers/robot/cycle_statistics.h"
 #include "drivers/sim/drive_service.h"
 #include "simulated_robot.h"
+#include "tests/allocation_watch.h"
 
 namespace vantage {
 namespace {

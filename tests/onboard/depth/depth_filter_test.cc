@@ -8,7 +8,7 @@
 
 #include "onboard/depth/cpu_depth_backend.h"
 #include "onboard/depth/depth_figures.h"
-#include "tests/drivers/robot/allocation_watch.h"
+#include "tests/allocation_watch.h"
 #include "tests/onboard/depth/plane_scene.h"
 
 namespace vantage {

@@ -1,4 +1,4 @@
-#include "allocation_watch.h"
+#include "tests/allocation_watch.h"
 
 #include <cstdlib>
 #include <new>
