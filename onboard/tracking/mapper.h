@@ -110,6 +110,8 @@ class Mapper {
     TrackedFrame frame;
     bool key_frame = false;
   };
+  static constexpr double kRayError_px = 0.5;       // of an observation's place, pixels of its level
+  static constexpr std::size_t kSeedKeyFrames = 6;  // whose seeds are updated, the newest
   struct Heir {
     KeyFrameId id;
     Eigen::Isometry3d T_gone_heir;
