@@ -1,0 +1,156 @@
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "lcmtypes/link/depth_codec.h"
+#include "lcmtypes/link/event_log.h"
+#include "lcmtypes/link/message_bus.h"
+#include "offboard/session/session_config.h"
+
+namespace vantage {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// One pixel of a depth map as it was before it was packed.
+struct Pixel {
+  std::size_t map;
+  int u, v;
+  DepthState state;
+  double depth_m, sigma_m;  // 0: none
+};
+
+/// What a released file holds: what went into it, never what came out.
+struct Released {
+  const char* file;
+  std::size_t events;
+  std::set<std::string> channels;
+  std::vector<std::ptrdiff_t> converged;  // pixels of each depth map
+  std::vector<Pixel> pixels;
+};
+
+void PrintTo(const Released& released, std::ostream* out) { *out << released.file; }
+
+const Released kReleased[] = {{
+    .file = "0.1.0.lcm",
+    .events = 13,
+    .channels = {"VANTAGE_DEPTH_CHUNK_1", "VANTAGE_DEPTH_MANIFEST_1", "VANTAGE_DEPTH_MAP_1", "VANTAGE_DEPTH_RECEIPT_1",
+                 "VANTAGE_HEARTBEAT_1", "VANTAGE_MOTION_GOAL_1", "VANTAGE_ROBOT_STATE_1", "VANTAGE_SESSION_CONFIG_1"},
+    .converged = {628},
+    .pixels = {{0, 0, 0, DepthState::kConverged, 0.598900, 0.00035868},
+               {0, 15, 10, DepthState::kEdge, 0.724811, 0.00052535},
+               {0, 31, 23, DepthState::kConverged, 1.787563, 0.00319538},
+               {0, 6, 0, DepthState::kInvalid, 0, 0}},
+}};
+
+fs::path path_of(const Released& released) { return fs::path(RELEASED_LOGS) / released.file; }
+
+template <typename Message>
+bool decodes(const std::vector<std::uint8_t>& bytes) {
+  Message message;
+  DecodeCounters counters;
+  return decode_message(bytes, &message, &counters);
+}
+
+class ReleasedLogs : public testing::TestWithParam<Released> {};
+
+TEST_P(ReleasedLogs, HoldTheChannelsOfTheirVersion) {
+  std::set<std::string> channels;
+  std::size_t events = 0;
+  LogReader reader(path_of(GetParam()));
+  for (LogEvent event; reader.next(&event); ++events) channels.insert(event.channel);
+  EXPECT_EQ(channels, GetParam().channels);
+  EXPECT_EQ(events, GetParam().events);
+}
+
+TEST_P(ReleasedLogs, EveryEventOfACurrentSchemaDecodes) {
+  const std::map<std::string, std::function<bool(const std::vector<std::uint8_t>&)>> current{
+      {channel::kDepthMap, decodes<depth_map_t>},         {channel::kDepthManifest, decodes<depth_map_manifest_t>},
+      {channel::kDepthChunk, decodes<depth_map_chunk_t>}, {channel::kDepthReceipt, decodes<depth_map_receipt_t>},
+      {channel::kMotionGoal, decodes<motion_goal_t>},     {channel::kRobotState, decodes<robot_state_t>},
+      {channel::kHeartbeat, decodes<heartbeat_t>},        {channel::kSessionConfig, decodes<session_config_t>}};
+  LogReader reader(path_of(GetParam()));
+  for (LogEvent event; reader.next(&event);) {
+    if (const auto found = current.find(event.channel); found != current.end()) {
+      EXPECT_TRUE(found->second(event.bytes)) << event.number << " " << event.channel;
+    }
+  }
+}
+
+TEST_P(ReleasedLogs, DepthMapsAreReadToTheSameValues) {
+  std::vector<DepthMap> maps;
+  LogReader reader(path_of(GetParam()));
+  for (LogEvent event; reader.next(&event);) {
+    if (event.channel != "VANTAGE_DEPTH_MAP_1") continue;
+    depth_map_t message;
+    DecodeCounters counters;
+    ASSERT_TRUE(decode_message(event.bytes, &message, &counters));
+    std::string why;
+    std::optional<DepthMap> map = unpack_depth_map(message, &why);
+    ASSERT_TRUE(map) << why;
+    maps.push_back(std::move(*map));
+  }
+  ASSERT_EQ(maps.size(), GetParam().converged.size());
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    const DepthMap& map = maps[i];
+    EXPECT_EQ(std::count(map.state.begin(), map.state.end(), DepthState::kConverged), GetParam().converged[i]);
+    const auto id = static_cast<std::int64_t>(i) + 1;
+    EXPECT_EQ(map.utime, 1'700'000'000'000'000 + id);
+    EXPECT_EQ(map.session, 42u);
+    EXPECT_EQ(map.map_id, id);
+    EXPECT_EQ(map.goal_id, 7);
+    EXPECT_EQ(map.view_id, 3);
+    EXPECT_EQ(map.camera.width, 32);
+    EXPECT_EQ(map.camera.height, 24);
+    EXPECT_EQ(map.camera.fx, 0.6 * 32);
+    EXPECT_EQ(map.camera.cy, 12);
+    const Eigen::Isometry3d pose =
+        Eigen::Translation3d(0.1, -0.2, 0.3) * Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized());
+    EXPECT_TRUE(map.T_world_camera.isApprox(pose, 1e-12));
+  }
+  for (const Pixel& pixel : GetParam().pixels) {
+    const DepthMap& map = maps[pixel.map];
+    const auto i = static_cast<std::size_t>(pixel.v * map.camera.width + pixel.u);
+    EXPECT_EQ(map.state[i], pixel.state) << i;
+    EXPECT_NEAR(static_cast<double>(map.depth_m[i]), pixel.depth_m, 1e-4) << i;  // depth_codec.h: 3e-5 at 1.8 m
+    EXPECT_NEAR(static_cast<double>(map.sigma_m[i]), pixel.sigma_m, 0.033 * pixel.sigma_m) << i;
+  }
+}
+
+TEST_P(ReleasedLogs, ConfigurationIsReadToTheSameValues) {
+  LogReader reader(path_of(GetParam()));
+  LogEvent event;
+  ASSERT_TRUE(reader.next(&event));
+  ASSERT_EQ(event.channel, channel::kSessionConfig);
+  session_config_t message;
+  DecodeCounters counters;
+  ASSERT_TRUE(decode_message(event.bytes, &message, &counters));
+  const SessionConfig config = parse_session_config(message.yaml, GetParam().file, ".");
+  EXPECT_EQ(config.region.resolution_m, 0.01);
+  EXPECT_EQ(config.region.size_voxels, Eigen::Vector3i(128, 128, 128));
+  EXPECT_TRUE(config.region.min_corner.isApprox(Eigen::Vector3d(-0.64, -0.64, -0.04), 1e-12));
+  EXPECT_EQ(config.sensor.hit_probability, 0.8);
+  EXPECT_EQ(config.sensor.miss_probability, 0.2);
+  ASSERT_TRUE(config.planning);
+  EXPECT_EQ(config.planning->gain, Formulation::kCombined);
+  EXPECT_EQ(config.planning->ray_columns, 80);
+  EXPECT_EQ(config.planning->planner.most_views, 20);
+  EXPECT_EQ(config.cloud.spacing_m, 0.002);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, ReleasedLogs, testing::ValuesIn(kReleased));
+
+TEST(ReleasedLogsFolder, NoFileIsForgotten) {
+  std::set<std::string> here, tested;
+  for (const fs::directory_entry& entry : fs::directory_iterator(RELEASED_LOGS)) {
+    if (entry.path().extension() == ".lcm") here.insert(entry.path().filename().string());
+  }
+  for (const Released& released : kReleased) tested.insert(released.file);
+  EXPECT_EQ(here, tested);
+}
+
+}  // namespace
+}  // namespace vantage
