@@ -1,94 +1,219 @@
 #include "lcmtypes/link/event_log.h"
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <stdexcept>
 #include <system_error>
 
-#include <lcm/eventlog.h>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
 
 #include "calib/files/input_error.h"
 
 namespace vantage {
 namespace {
 
-constexpr std::uint32_t kSync = 0xEDA1DA01;
-constexpr std::size_t kHeaderBytes = 28;         // sync, number, time, channel length, data length
-constexpr std::uint32_t kMostChannelBytes = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
+namespace fs = std::filesystem;
 
-template <std::size_t kBytes>
-std::uint64_t big_endian(const char* bytes) {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < kBytes; ++i) value = value << 8 | static_cast<std::uint8_t>(bytes[i]);
-  return value;
+std::string mebibytes(std::uint64_t bytes) { return std::to_string(bytes >> 20) + " MiB"; }
+
+/// Makes a new file's name survive a loss of power. Where the folder can't be opened or synced, it has to do without.
+void sync_folder(const fs::path& file) {
+  const fs::path folder = file.parent_path();
+  const FileDescriptor fd(::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (fd.valid()) ::fsync(fd.get());
 }
 
 }  // namespace
 
-struct LogWriter::Impl {
-  lcm_eventlog_t* log;
-};
-
-LogWriter::LogWriter(const std::filesystem::path& path) : path_(path) {
-  errno = 0;
-  lcm_eventlog_t* log = ::lcm_eventlog_create(path.c_str(), "w");
-  if (log == nullptr) throw InputError(path.string() + ": can't be written: " + std::strerror(errno));
-  impl_ = new Impl{log};
+LogWriter::LogWriter(const fs::path& path, LogWriterOptions options) : path_(path), options_(std::move(options)) {
+  lock(O_CREAT);
+  remove_later_parts(path_);
+  open_part(O_TRUNC);
 }
 
-LogWriter::~LogWriter() {
-  ::lcm_eventlog_destroy(impl_->log);
-  delete impl_;
+LogWriter::LogWriter(const fs::path& path, LogWriterOptions options, Existing)
+    : path_(path), options_(std::move(options)) {
+  lock(0);
+  part_ = count_log_parts(path_) - 1;
+  std::optional<std::int64_t> last = find_end(part_, true);
+  for (std::size_t part = part_; !last && part > 0;) last = find_end(--part, false);
+  if (last) number_ = *last + 1;
+  open_part(0);
+  if (cut_off_bytes_ > 0 && ::ftruncate(file_->get(), static_cast<off_t>(offset_)) != 0) fail("can't be cut");
+}
+
+LogWriter::~LogWriter() = default;
+
+std::unique_ptr<LogWriter> LogWriter::resume(const fs::path& path, LogWriterOptions options) {
+  return std::unique_ptr<LogWriter>(new LogWriter(path, std::move(options), Existing{}));
+}
+
+void LogWriter::fail(const std::string& doing) const {
+  throw InputError(log_part(path_, part_).string() + ": " + doing + ": " + std::strerror(errno));
+}
+
+void LogWriter::lock(int flags) {
+  lock_ = FileDescriptor(::open(path_.c_str(), O_RDWR | O_CLOEXEC | flags, 0644));
+  if (!lock_.valid()) fail("can't be written");
+  // Other errors: a file system without locks.
+  if (::flock(lock_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    throw InputError(path_.string() + ": another program is writing this log; end it, or write another");
+  }
+}
+
+void LogWriter::open_part(int flags) {
+  const fs::path path = log_part(path_, part_);
+  auto file = std::make_shared<FileDescriptor>(::open(path.c_str(), O_WRONLY | O_CLOEXEC | flags, 0644));
+  if (!file->valid()) fail("can't be written");
+  file_ = std::move(file);
+  if (flags != 0) sync_folder(path);
+}
+
+std::optional<std::int64_t> LogWriter::find_end(std::size_t part, bool may_be_torn) {
+  const fs::path path = log_part(path_, part);
+  LogPartFile file(path);
+  std::optional<std::int64_t> last;
+  std::string fault;
+  while (!file.at_end()) {
+    const std::optional<EventHeader> header = file.header(&fault);
+    if (!header) break;
+    last = header->number;
+    file.pass(*header);
+  }
+  if (!file.at_end()) {
+    const bool no_log = part == 0 && file.offset() == 0 && !file.begins_event_here();
+    if (no_log || !may_be_torn || file.find_event() < file.size()) {
+      throw InputError(path.string() + ": at byte " + std::to_string(file.offset()) + ": " + fault +
+                       (no_log ? "" : "; `vantage-log cut` makes a log of what is whole"));
+    }
+  }
+  if (part == part_) {
+    offset_ = file.offset();
+    cut_off_bytes_ = file.size() - file.offset();
+  }
+  return last;
+}
+
+void LogWriter::check_disk(std::uint64_t event_bytes) const {
+  std::uint64_t free = 0;
+  if (options_.free_bytes) {
+    free = options_.free_bytes();
+  } else {
+    struct statvfs disk {};
+    if (::fstatvfs(file_->get(), &disk) != 0) fail("its disk can't be asked for free space");
+    free = std::uint64_t{disk.f_bavail} * disk.f_frsize;
+  }
+  if (free < event_bytes || free - event_bytes < options_.keep_free_bytes) {
+    throw InputError(log_part(path_, part_).string() + ": its disk has " + mebibytes(free) + " free, and " +
+                     mebibytes(options_.keep_free_bytes) + " are kept free: make room, or write to another disk");
+  }
 }
 
 void LogWriter::write(std::int64_t utime, std::string_view channel, std::span<const std::uint8_t> bytes) {
-  std::string name(channel);
-  lcm_eventlog_event_t event{};
-  event.timestamp = utime;
-  event.channellen = static_cast<std::int32_t>(name.size());
-  event.datalen = static_cast<std::int32_t>(bytes.size());
-  event.channel = name.data();
-  event.data = const_cast<std::uint8_t*>(bytes.data());  // LCM's C interface is not const-correct; it only reads
-  errno = 0;
-  if (::lcm_eventlog_write_event(impl_->log, &event) != 0 || std::fflush(impl_->log->f) != 0) {
-    throw InputError(path_.string() + ": writing failed: " + std::strerror(errno));
+  if (channel.empty() || channel.size() > EventHeader::kMostChannelBytes || bytes.size() > INT32_MAX) {
+    throw std::invalid_argument("LogWriter: a channel of 1 to 63 bytes and at most 2 GiB are needed");
   }
+  if (sync_.error() != 0) {
+    errno = sync_.error();
+    fail("the disk lost what was written");
+  }
+  const EventHeader header{number_, utime, static_cast<std::uint32_t>(channel.size()),
+                           static_cast<std::uint32_t>(bytes.size())};
+  buffer_.resize(header.event_bytes());
+  put_event_header(header, std::span<std::uint8_t, EventHeader::kBytes>(buffer_.data(), EventHeader::kBytes));
+  std::copy(bytes.begin(), bytes.end(),
+            std::copy(channel.begin(), channel.end(), buffer_.begin() + EventHeader::kBytes));
+  check_disk(buffer_.size());
+  if (offset_ > 0 && offset_ >= options_.part_bytes) {
+    ++part_;
+    offset_ = 0;
+    try {
+      open_part(O_CREAT | O_EXCL);
+    } catch (const InputError&) {
+      --part_;
+      offset_ = options_.part_bytes;
+      throw;
+    }
+  }
+  for (std::size_t done = 0; done < buffer_.size();) {
+    const ssize_t count =
+        ::pwrite(file_->get(), buffer_.data() + done, buffer_.size() - done, static_cast<off_t>(offset_ + done));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) {
+      const int cause = count < 0 ? errno : ENOSPC;
+      [[maybe_unused]] const int cut =
+          ::ftruncate(file_->get(), static_cast<off_t>(offset_));  // shrinking needs no room
+      errno = cause;
+      fail("writing failed");
+    }
+    done += static_cast<std::size_t>(count);
+  }
+  offset_ += buffer_.size();
+  ++number_;
+  sync_.changed(file_);
 }
 
-LogReader::LogReader(const std::filesystem::path& path) : path_(path), in_(path, std::ios::binary) {
-  std::error_code error;
-  size_ = std::filesystem::file_size(path, error);
-  if (!in_ || error) throw InputError(path.string() + ": no such file, or it can't be read");
-  if (size_ == 0) throw InputError(path.string() + ": is empty; an LCM log was expected");
+LogReader::LogReader(const fs::path& path, LogReaderOptions options) : path_(path), options_(options), file_(path) {
+  if (file_.size() == 0 && !options_.accept_torn_end) {
+    throw InputError(path.string() + ": is empty; an LCM log was expected");
+  }
 }
 
 void LogReader::fail(const std::string& fault) const {
-  throw InputError(path_.string() + ": at byte " + std::to_string(offset_) + ": " + fault);
+  throw InputError(log_part(path_, part_).string() + ": at byte " + std::to_string(file_.offset()) + ": " + fault);
+}
+
+bool LogReader::open_next_part() {
+  const fs::path next = log_part(path_, part_ + 1);
+  std::error_code ignored;
+  if (!fs::exists(next, ignored)) return false;
+  file_ = LogPartFile(next);
+  ++part_;
+  last_of_part_before_ = last_number_;
+  return true;
 }
 
 bool LogReader::next(LogEvent* event) {
-  if (offset_ == size_) return false;
-  const std::uint64_t rest = size_ - offset_;
-  std::array<char, kHeaderBytes> header{};
-  if (rest < kHeaderBytes || !in_.read(header.data(), header.size())) fail("the log ends within an event");
-  if (big_endian<4>(header.data()) != kSync) {
-    fail(offset_ == 0 ? "not an LCM log" : "the log is damaged (no event begins here)");
+  while (file_.at_end()) {
+    if (torn_bytes_ > 0 || !open_next_part()) return false;
   }
-  const auto channel_bytes = static_cast<std::uint32_t>(big_endian<4>(header.data() + 20));
-  const auto data_bytes = static_cast<std::uint32_t>(big_endian<4>(header.data() + 24));
-  if (channel_bytes == 0 || channel_bytes > kMostChannelBytes || data_bytes > INT32_MAX) {
-    fail("the log is damaged (an event with impossible lengths)");
+  std::string fault;
+  const std::optional<EventHeader> header = file_.header(&fault);
+  if (!header) {
+    std::error_code ignored;
+    const bool no_log = part_ == 0 && file_.offset() == 0 && !file_.begins_event_here();
+    if (!options_.accept_torn_end || no_log || fs::exists(log_part(path_, part_ + 1), ignored) ||
+        file_.find_event() < file_.size()) {
+      fail(fault);
+    }
+    torn_bytes_ = file_.size() - file_.offset();
+    file_.go_to(file_.size());
+    return false;
   }
-  if (std::uint64_t{channel_bytes} + data_bytes > rest - kHeaderBytes) fail("the log ends within an event");
-  event->number = static_cast<std::int64_t>(big_endian<8>(header.data() + 4));
-  event->utime = static_cast<std::int64_t>(big_endian<8>(header.data() + 12));
-  event->channel.resize(channel_bytes);
-  event->bytes.resize(data_bytes);
-  in_.read(event->channel.data(), channel_bytes);
-  in_.read(reinterpret_cast<char*>(event->bytes.data()), static_cast<std::streamsize>(data_bytes));
-  if (!in_) fail("the log can't be read to the end of its event");
-  offset_ += kHeaderBytes + channel_bytes + data_bytes;
+  if (last_of_part_before_ && header->number <= *last_of_part_before_) {
+    const std::int64_t before = *std::exchange(last_of_part_before_, std::nullopt);
+    fail("event " + std::to_string(header->number) + " does not go on where the part before ends (event " +
+         std::to_string(before) + "): it belongs to another log; rename it");
+  }
+  last_of_part_before_.reset();
+  event->number = header->number;
+  event->utime = header->utime;
+  event->part = part_;
+  event->offset = file_.offset();
+  if (!file_.read_body(*header, &event->channel, &event->bytes)) fail("the log can't be read to the end of its event");
+  last_number_ = event->number;
   return true;
+}
+
+std::uint64_t LogReader::skip_damage() {
+  const std::uint64_t from = file_.offset();
+  std::string fault;
+  if (!file_.at_end() && !file_.header(&fault)) file_.go_to(file_.find_event());
+  return file_.offset() - from;
 }
 
 }  // namespace vantage

@@ -11,15 +11,13 @@
 #include "calib/files/input_error.h"
 #include "calib/program.h"
 #include "lcmtypes/link/depth_codec.h"
-#include "lcmtypes/link/event_log.h"
 #include "lcmtypes/link/message_bus.h"
+#include "lcmtypes/link/pending_log.h"
 #include "offboard/import/recording.h"
 #include "offboard/session/session_config.h"
 
 namespace vantage {
 namespace {
-
-namespace fs = std::filesystem;
 
 struct Arguments {
   std::string folder, out, left_out_log;
@@ -29,29 +27,6 @@ struct Arguments {
   double max_depth_m = 5;
   int leave_out = 0;
   DepthNoise noise;
-};
-
-/// A log that appears under its name when it is complete.
-class PendingLog {
- public:
-  explicit PendingLog(fs::path path)
-      : path_(std::move(path)), temporary_(path_.string() + ".tmp"), writer_(temporary_) {}
-  ~PendingLog() {
-    std::error_code ignored;
-    if (!committed_) fs::remove(temporary_, ignored);
-  }
-  LogWriter& writer() { return writer_; }
-  void commit() {
-    std::error_code error;
-    fs::rename(temporary_, path_, error);
-    if (error) throw InputError(path_.string() + ": can't be put in place: " + error.message());
-    committed_ = true;
-  }
-
- private:
-  fs::path path_, temporary_;
-  LogWriter writer_;
-  bool committed_ = false;
 };
 
 /// The box that holds all but a thousandth of the measured points at either end of each axis, and every camera.
