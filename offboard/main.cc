@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <ctime>
 #include <iostream>
+#include <map>
+#include <memory>
 #include <optional>
 
 #include <CLI/CLI.hpp>
@@ -12,7 +14,7 @@
 #include "calib/program.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/event_log.h"
-#include "lcmtypes/link/lcm_bus.h"
+#include "lcmtypes/link/network_link.h"
 #include "offboard/planner_link.h"
 #include "offboard/replay.h"
 #include "offboard/session/map_check.h"
@@ -28,7 +30,9 @@ struct Arguments {
   bool no_planning = false;
   std::string session;
   bool overwrite = false;
-  std::string lcm = LcmBus::kDefaultUrl;
+  std::string resume;
+  NetworkOptions network;
+  OnLostRobot on_lost_robot = OnLostRobot::kEnd;
   std::string replay;
   double speed = 1;
   std::string hold_out;
@@ -63,15 +67,21 @@ void apply(const Arguments& arguments, SessionConfig* config) {
   }
 }
 
-PlannerEnd run_live(const Arguments& arguments, const Clock& clock, const std::atomic<bool>& interrupted,
-                    Session& session) {
-  LcmBus bus(arguments.lcm);
-  PlannerLink link(bus, clock, session, VANTAGE_VERSION);
+PlannerEnd run_live(const Arguments& arguments, NetworkLink& network, const Clock& clock,
+                    const std::atomic<bool>& interrupted, Session& session) {
+  PlannerLinkOptions options;
+  options.on_lost_robot = arguments.on_lost_robot;
+  options.more_counters = [&network] { return network.counters(); };
+  PlannerLink link(network.bus(), clock, session, VANTAGE_VERSION, options);
   PlannerEnd end;
-  while (!link.step(&end)) {
-    if (!interrupted) continue;
-    end = {session.planning() ? kExitFailure : kExitOk, "interrupted"};
-    break;
+  try {
+    while (!link.step(&end)) {
+      if (!interrupted) continue;
+      end = {session.planning() ? kExitFailure : kExitOk, "interrupted"};
+      break;
+    }
+  } catch (const InputError& error) {  // the disk is full: the robot is told, and what is known is still written
+    end = {kExitFailure, error.what()};
   }
   if (end.exit_status == kExitOk) {
     link.say_finished(end.message);
@@ -99,43 +109,53 @@ void check_against(const std::string& log, const OccupancyMap& map) {
       static_cast<long long>(check.cameras_in_occupied), static_cast<long long>(check.cameras));
 }
 
-int run(const Arguments& arguments) {
-  const std::atomic<bool>& interrupted = interrupt_flag();
-  const bool replaying = !arguments.replay.empty();
+SessionConfig configuration(const Arguments& arguments) {
   SessionConfig config;
-  if (replaying) {
+  if (!arguments.replay.empty()) {
     const LogContents contents = examine_log(arguments.replay);
     if (contents.config) config = *contents.config;
   }
   if (arguments.config) config = load_session_config(*arguments.config);
   apply(arguments, &config);
-  if (!arguments.hold_out.empty()) examine_log(arguments.hold_out);
-  if (!replaying) LcmBus route_check(arguments.lcm);  // before the session's folder is made
+  return config;
+}
 
-  const SystemClock clock;
+std::unique_ptr<Session> make_session(const Arguments& arguments, const Clock& clock) {
+  if (!arguments.resume.empty()) return Session::resume(arguments.resume, clock, std::cout);
   const std::string folder = arguments.session.empty() ? default_session_folder() : arguments.session;
   std::error_code ignored;
-  if (replaying &&
+  if (!arguments.replay.empty() &&
       std::filesystem::equivalent(folder, std::filesystem::path(arguments.replay).parent_path(), ignored)) {
     throw InputError("--session " + folder + ": is the folder of the log that is replayed; give another");
   }
-  Session session(config, folder, arguments.overwrite, clock, std::cout);
+  auto session = std::make_unique<Session>(configuration(arguments), folder, arguments.overwrite, clock, std::cout);
   std::cout << "session in " << folder << std::endl;
+  return session;
+}
+
+int run(const Arguments& arguments) {
+  const std::atomic<bool>& interrupted = interrupt_flag();
+  const bool replaying = !arguments.replay.empty();
+  if (!arguments.hold_out.empty()) examine_log(arguments.hold_out);
+  std::optional<NetworkLink> network;
+  if (!replaying) network.emplace(arguments.network);  // before the session's folder is made
+  const SystemClock clock;
+  const std::unique_ptr<Session> session = make_session(arguments, clock);
   PlannerEnd end{kExitOk, ""};
   if (replaying) {
-    replay_log(arguments.replay, arguments.speed, interrupted, session);
-    end.message = interrupted ? "interrupted" : session.finished() ? session.finish_reason() : "the log has ended";
+    replay_log(arguments.replay, arguments.speed, interrupted, *session);
+    end.message = interrupted ? "interrupted" : session->finished() ? session->finish_reason() : "the log has ended";
   } else {
-    end = run_live(arguments, clock, interrupted, session);
+    end = run_live(arguments, *network, clock, interrupted, *session);
   }
-  session.write_results();
+  session->write_results();
   if (end.exit_status == kExitOk) {
     spdlog::info("{}", end.message);
   } else {
     spdlog::error("{}", end.message);
   }
-  if (!arguments.hold_out.empty()) check_against(arguments.hold_out, session.map());
-  std::cout << session.summary() << std::endl;
+  if (!arguments.hold_out.empty()) check_against(arguments.hold_out, session->map());
+  std::cout << session->summary() << std::endl;
   return end.exit_status;
 }
 
@@ -146,19 +166,28 @@ int main(int argc, char** argv) {
   using namespace vantage;
   CLI::App app("The workstation's program of Vantage: depth maps to a map, to the next best view.", "vantage-offboard");
   Arguments arguments;
-  app.add_option("--session", arguments.session, "folder of this run (default: sessions/DATE-TIME)");
-  app.add_flag("--overwrite", arguments.overwrite, "replace the session that the folder holds");
-  app.add_option("--config", arguments.config, "configuration file (docs/offboard.md)");
-  app.add_option("--views", arguments.views, "candidate views, lines of x y z qx qy qz qw (default: the paper's 48)");
-  app.add_option("--gain", arguments.gain, "information gain: combined, rear_side_entropy, occlusion_aware, ...");
-  app.add_option("--first-view", arguments.first_view, "id of the first view");
-  app.add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);
-  app.add_option("--gain-threshold", arguments.gain_threshold, "stop when no view gains as much (Eq. 13)");
-  app.add_option("--truth", arguments.truth, "PLY with points of the true surface, for the coverage");
-  app.add_flag("--no-planning", arguments.no_planning, "integrate what comes; choose no views");
-  app.add_option("--lcm", arguments.lcm, "LCM address")->capture_default_str();
-  auto* replay = app.add_option("--replay", arguments.replay, "replay an LCM log instead of listening to a robot");
-  app.add_option("--speed", arguments.speed, "of the replay: 1 as recorded, 0 without waiting")
+  auto* anew = app.add_option_group("a new session");
+  anew->add_option("--session", arguments.session, "folder of this run (default: sessions/DATE-TIME)");
+  anew->add_flag("--overwrite", arguments.overwrite, "replace the session that the folder holds");
+  anew->add_option("--config", arguments.config, "configuration file (docs/offboard.md)");
+  anew->add_option("--views", arguments.views, "candidate views, lines of x y z qx qy qz qw (default: the paper's 48)");
+  anew->add_option("--gain", arguments.gain, "information gain: combined, rear_side_entropy, occlusion_aware, ...");
+  anew->add_option("--first-view", arguments.first_view, "id of the first view");
+  anew->add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);
+  anew->add_option("--gain-threshold", arguments.gain_threshold, "stop when no view gains as much (Eq. 13)");
+  anew->add_option("--truth", arguments.truth, "PLY with points of the true surface, for the coverage");
+  anew->add_flag("--no-planning", arguments.no_planning, "integrate what comes; choose no views");
+  auto* replay = anew->add_option("--replay", arguments.replay, "replay an LCM log instead of listening to a robot");
+  anew->excludes(
+      app.add_option("--resume", arguments.resume, "go on with the session in this folder, however it ended"));
+  app.add_option("--lcm", arguments.network.url, "LCM address")->capture_default_str();
+  app.add_option("--key", arguments.network.keys, "file of vantage-keygen, the robot's too");
+  app.add_flag("--insecure", arguments.network.insecure, "without a key, though others can reach the LCM address");
+  app.add_option("--on-lost-robot", arguments.on_lost_robot, "when the robot falls silent: end, or wait for it")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, OnLostRobot>{{"end", OnLostRobot::kEnd}, {"wait", OnLostRobot::kWait}}))
+      ->default_str("end");
+  anew->add_option("--speed", arguments.speed, "of the replay: 1 as recorded, 0 without waiting")
       ->needs(replay)
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();

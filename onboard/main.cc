@@ -9,7 +9,7 @@
 #include "calib/shipped_rig.h"
 #include "drivers/robot/camera_carrier.h"
 #include "drivers/sim/sim_camera.h"
-#include "lcmtypes/link/lcm_bus.h"
+#include "lcmtypes/link/network_link.h"
 #include "onboard/hardware_check.h"
 #include "onboard/robot_link.h"
 
@@ -19,7 +19,9 @@ namespace {
 struct Arguments {
   std::string camera;
   std::string rig;
-  std::string lcm = LcmBus::kDefaultUrl;
+  NetworkOptions network;
+  double rate_mbit_s = 100;
+  std::string spool;
   OnLostPlanner on_lost_planner = OnLostPlanner::kEnd;
   std::string can = "none";
   bool check = false, list_cameras = false;
@@ -74,7 +76,12 @@ int run(const Arguments& arguments) {
   const Rig rig = load_rig(arguments.rig);
   if (rig.stereo_baseline_m == 0) throw InputError(arguments.rig + ": stereo depth needs a stereo_baseline");
   const SystemClock clock;
-  LcmBus bus(arguments.lcm);
+  NetworkLink network(arguments.network);
+  RobotLinkOptions options;
+  options.on_lost_planner = arguments.on_lost_planner;
+  options.sender.rate_bit_s = arguments.rate_mbit_s * 1e6;
+  options.sender.spool.folder = arguments.spool;
+  options.more_counters = [&network] { return network.counters(); };
   sim::SimCamera camera(socket);
   require_same_camera(rig, arguments.rig, camera);
   FreeFlyingCarrier carrier(camera);
@@ -82,7 +89,7 @@ int run(const Arguments& arguments) {
   RobotEnd end;
   {
     Executive executive(camera, carrier, depth, {rig.linear_speed_limit_m_s, rig.angular_speed_limit_rad_s});
-    RobotLink link(bus, clock, executive, VANTAGE_VERSION, arguments.on_lost_planner);
+    RobotLink link(network.bus(), clock, executive, VANTAGE_VERSION, options);
     spdlog::info("camera {}: {} x {}; waiting for goals", arguments.camera, rig.camera.width, rig.camera.height);
     while (!link.step(&end)) {
       if (!interrupted) continue;
@@ -114,7 +121,15 @@ int main(int argc, char** argv) {
   app.add_option("--can", arguments.can, "the drives' bus: an interface, sim:SOCKET, or none")->capture_default_str();
   app.add_flag("--check", arguments.check, "look at camera and drives, move nothing, and end");
   app.add_flag("--list-cameras", arguments.list_cameras, "tell cameras, formats and frame rates, and end");
-  app.add_option("--lcm", arguments.lcm, "LCM address")->capture_default_str();
+  app.add_option("--lcm", arguments.network.url, "LCM address")->capture_default_str();
+  app.add_option("--key", arguments.network.keys,
+                 "file of vantage-keygen, the planner's too; several: any may command");
+  app.add_flag("--insecure", arguments.network.insecure, "without a key, though others can reach the LCM address");
+  app.add_option("--rate", arguments.rate_mbit_s, "of depth maps on the network, Mbit/s")
+      ->check(CLI::Range(0.1, 10'000.0))
+      ->capture_default_str();
+  app.add_option("--spool", arguments.spool,
+                 "folder that keeps depth maps until they are acknowledged, over restarts too (default: memory alone)");
   app.add_option("--on-lost-planner", arguments.on_lost_planner, "when the planner falls silent: end, or hold still")
       ->transform(CLI::CheckedTransformer(
           std::map<std::string, OnLostPlanner>{{"end", OnLostPlanner::kEnd}, {"hold", OnLostPlanner::kHold}}))

@@ -6,8 +6,8 @@
 
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/depth_codec.h"
-#include "lcmtypes/link/digest.h"
 #include "lcmtypes/link/pose_fields.h"
+#include "onboard/preview_image.h"
 
 namespace vantage {
 namespace {
@@ -15,19 +15,28 @@ namespace {
 constexpr std::chrono::milliseconds kStatePeriod{100};
 constexpr std::chrono::milliseconds kReceivePatience{1};
 
+/// Codes of robot_state_t::activity beyond those of Activity.
+constexpr std::int8_t kPausedCode = 3, kStoppedCode = 4;
+
 }  // namespace
 
 RobotLink::RobotLink(MessageBus& bus, const Clock& clock, Executive& executive, const std::string& version,
-                     OnLostPlanner on_lost_planner)
+                     RobotLinkOptions options)
     : bus_(bus),
       clock_(clock),
       executive_(executive),
-      on_lost_planner_(on_lost_planner),
+      options_(std::move(options)),
       presence_(bus, clock, Role::kRobot, version),
-      sender_(bus, clock),
-      session_(random_id()) {
-  subscribe_message<motion_goal_t>(bus_, channel::kMotionGoal, &decode_,
-                                   [this](const motion_goal_t& goal) { on_goal(goal); });
+      sender_(bus, clock, options_.sender),
+      gate_(presence_.boot_id()),
+      status_(bus, clock, Role::kRobot, presence_.boot_id(), [this] { return counters(); }),
+      refusals_(clock),
+      spool_words_(clock) {
+  subscribe_message<command_t>(bus_, channel::kCommand, &commands_,
+                               [this](const command_t& command) { on_command(command); });
+  if (const std::uint64_t maps = sender_.spool().taken_over(); maps > 0) {
+    spdlog::info("{} depth maps of an earlier start wait in the spool", maps);
+  }
 }
 
 bool RobotLink::step(RobotEnd* end) {
@@ -35,6 +44,8 @@ bool RobotLink::step(RobotEnd* end) {
   presence_.step();
   send_finished_map();
   sender_.step();
+  send_preview();
+  status_.step();
   if (clock_.monotonic() - last_state_ >= kStatePeriod) send_state();
   if (std::string reason; executive_.ended(&reason)) {
     *end = {kExitPeerLost, reason};
@@ -43,13 +54,54 @@ bool RobotLink::step(RobotEnd* end) {
   return planner_has_gone(end);
 }
 
+void RobotLink::on_command(const command_t& command) {
+  if (!gate_.admit(command, clock_.utime())) {
+    if (refusals_.due()) {
+      const CommandGate::Counters& c = gate_.counters();
+      spdlog::warn("commands refused so far: {} replayed or overtaken, {} expired, {} for another start, {} others",
+                   c.not_rising, c.expired, c.other_robot, c.too_long + c.unknown_kind);
+    }
+    return;
+  }
+  presence_.set_command_counter(gate_.counter());
+  switch (static_cast<CommandKind>(command.kind)) {
+    case CommandKind::kGoal:
+      if (motion_goal_t goal; decode_message(command.payload, &goal, &goals_)) {
+        on_goal(goal);
+      } else {
+        ++refused_goals_;
+      }
+      return;
+    case CommandKind::kStop:
+      return halt(Halt::kStopped);
+    case CommandKind::kPause:
+      return halt(halt_ == Halt::kStopped ? Halt::kStopped : Halt::kPaused);
+    case CommandKind::kResume:
+      if (halt_ != Halt::kNone) spdlog::info("resumed");
+      halt_ = Halt::kNone;
+      send_state();
+  }
+}
+
+void RobotLink::halt(Halt halt) {
+  executive_.hold();
+  if (halt_ != halt)
+    spdlog::warn("{}: the camera stands still until a resume", halt == Halt::kStopped ? "stop" : "pause");
+  halt_ = halt;
+  send_state();
+}
+
 void RobotLink::on_goal(const motion_goal_t& message) {
   const RobotSnapshot now = executive_.snapshot();
   if (message.planner == now.planner && message.goal_id <= now.goal_id) return;  // it is sent until it is taken up
+  if (halt_ != Halt::kNone) {
+    ++refused_goals_;
+    return;
+  }
   const std::optional<Eigen::Isometry3d> pose = pose_of(message);
   if (!pose || !executive_.take_goal({message.planner, message.goal_id, message.view_id, *pose})) {
     ++refused_goals_;
-    spdlog::warn("goal {} refused: its pose is not finite or not a rotation", message.goal_id);
+    if (refusals_.due()) spdlog::warn("goal {} refused: its pose is not finite or not a rotation", message.goal_id);
     return;
   }
   spdlog::info("goal {}: moving to view {}", message.goal_id, message.view_id);
@@ -60,10 +112,12 @@ void RobotLink::send_state() {
   const RobotSnapshot now = executive_.snapshot();
   robot_state_t state;
   state.utime = clock_.utime();
-  state.session = session_;
+  state.session = presence_.boot_id();
   state.planner = now.planner;
   state.goal_id = now.goal_id;
-  state.activity = static_cast<std::int8_t>(now.activity);
+  state.activity = halt_ == Halt::kStopped  ? kStoppedCode
+                   : halt_ == Halt::kPaused ? kPausedCode
+                                            : static_cast<std::int8_t>(now.activity);
   set_pose(now.T_world_camera, &state);
   publish_message(bus_, channel::kRobotState, state);
   last_state_ = clock_.monotonic();
@@ -74,9 +128,32 @@ void RobotLink::send_finished_map() {
   if (!map) return;
   // The camera stamps by the monotonic clock; the network's times count from 1970.
   map->utime += clock_.utime() - std::chrono::duration_cast<std::chrono::microseconds>(clock_.monotonic()).count();
-  map->session = static_cast<std::uint64_t>(session_);
+  map->session = static_cast<std::uint64_t>(presence_.boot_id());
   map->map_id = ++maps_;
-  if (!sender_.enqueue(pack_depth_map(*map))) spdlog::warn("the spool is full: its oldest depth map was given up");
+  if (!sender_.enqueue(pack_depth_map(*map)) && spool_words_.due()) {
+    spdlog::warn("the spool is full: {} depth maps have been given up so far, the oldest first",
+                 sender_.spool().given_up());
+  }
+}
+
+/// The latest frame, when no depth map waits.
+void RobotLink::send_preview() {
+  if (std::optional<Frame> frame = executive_.fetch_frame()) {
+    preview_ = preview_of(frame->image);
+    preview_->utime = clock_.utime();
+    preview_->session = presence_.boot_id();
+  }
+  if (!preview_ || !sender_.spare(preview_->jpeg.size())) return;
+  publish_message(bus_, channel::kPreview, *preview_);
+  preview_.reset();
+  ++previews_sent_;
+}
+
+/// A line for every planner that comes.
+void RobotLink::tell_of_planner() {
+  if (presence_.peer_boot_id() == known_planner_) return;
+  known_planner_ = presence_.peer_boot_id();
+  spdlog::info("planner version {} is there", presence_.peer_version());
 }
 
 bool RobotLink::planner_has_gone(RobotEnd* end) {
@@ -84,7 +161,15 @@ bool RobotLink::planner_has_gone(RobotEnd* end) {
     case PeerPhase::kAwaited:
       return false;
     case PeerPhase::kRunning:
+      tell_of_planner();
       if (std::exchange(holding_, false)) spdlog::info("the planner is back");
+      return false;
+    case PeerPhase::kUnfit:
+      if (options_.on_lost_planner == OnLostPlanner::kEnd) {
+        *end = {kExitPeerLost, presence_.peer_message()};
+        return true;
+      }
+      if (refusals_.due()) spdlog::error("{}", presence_.peer_message());
       return false;
     case PeerPhase::kFinished:
       *end = {kExitOk, "the planner has finished: " + presence_.peer_message()};
@@ -95,7 +180,7 @@ bool RobotLink::planner_has_gone(RobotEnd* end) {
     case PeerPhase::kLost:
       break;
   }
-  if (on_lost_planner_ == OnLostPlanner::kEnd) {
+  if (options_.on_lost_planner == OnLostPlanner::kEnd) {
     *end = {kExitPeerLost, "the planner has gone: no heartbeat for 3 s"};
     return true;
   }
@@ -104,6 +189,39 @@ bool RobotLink::planner_has_gone(RobotEnd* end) {
     executive_.hold();
   }
   return false;
+}
+
+Status::Counters RobotLink::counters() const {
+  const CommandGate::Counters& c = gate_.counters();
+  Status::Counters all = {{"commands.accepted", c.accepted},
+                          {"commands.not_rising", c.not_rising},
+                          {"commands.expired", c.expired},
+                          {"commands.other_robot", c.other_robot},
+                          {"commands.too_long", c.too_long},
+                          {"commands.unknown_kind", c.unknown_kind},
+                          {"goals.refused", refused_goals_},
+                          {"depth_maps.made", maps_},
+                          {"depth_maps.acknowledged", sender_.acknowledged()},
+                          {"depth_maps.spooled", sender_.spool().size()},
+                          {"depth_maps.given_up", sender_.spool().given_up()},
+                          {"depth_maps.taken_over", sender_.spool().taken_over()},
+                          {"depth_maps.unreadable", sender_.spool().unreadable()},
+                          {"chunks.sent", sender_.chunks_sent()},
+                          {"chunks.sent_again", sender_.chunks_sent_again()},
+                          {"previews.sent", previews_sent_},
+                          {"planner.restarts", presence_.peer_restarts()}};
+  if (const std::optional<ClockOffset> offset = presence_.clock_offset()) {
+    all.emplace_back("planner.clock_offset_us", offset->offset_us);
+    all.emplace_back("planner.clock_uncertainty_us", offset->uncertainty_us);
+  }
+  add_decode_counters("door.commands", commands_, &all);
+  add_decode_counters("door.goals", goals_, &all);
+  add_decode_counters("door.heartbeats", presence_.decode_counters(), &all);
+  add_decode_counters("door.receipts", sender_.decode_counters(), &all);
+  if (options_.more_counters) {
+    for (auto& counter : options_.more_counters()) all.push_back(std::move(counter));
+  }
+  return all;
 }
 
 }  // namespace vantage

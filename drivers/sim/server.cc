@@ -57,7 +57,7 @@ class Server::Implementation {
   }
 
   ServeEnd run(int stop_fd) {
-    const auto started = SteadyClock::now();
+    waiting_since_ = SteadyClock::now();
     while (!end_) {
       if (capture_wanted_ && free_slot() >= 0) {
         capture();
@@ -65,14 +65,15 @@ class Server::Implementation {
       }
       pollfd polled[] = {
           {stop_.get(), POLLIN, 0}, {stop_fd, POLLIN, 0}, {listener_.get(), POLLIN, 0}, {peer_.get(), POLLIN, 0}};
-      if (::poll(polled, 4, static_cast<int>(poll_limit(started).count())) < 0 && errno != EINTR) {
+      if (::poll(polled, 4, static_cast<int>(poll_limit().count())) < 0 && errno != EINTR) {
         throw std::runtime_error("vantage-sim: poll failed");
       }
       if (polled[0].revents != 0 || polled[1].revents != 0) return ServeEnd::kStopped;
       if (polled[3].revents != 0) hear_peer();
       if (polled[2].revents != 0) accept_peer();
       if (peer_.valid() && !greeted_ && SteadyClock::now() - connected_ > kGreetingLimit) peer_.reset();
-      if (!greeted_ && options_.wait && SteadyClock::now() - started > *options_.wait) return ServeEnd::kNobodyCame;
+      if (!greeted_ && options_.wait && SteadyClock::now() - waiting_since_ > *options_.wait)
+        return ServeEnd::kNobodyCame;
     }
     return *end_;
   }
@@ -83,10 +84,10 @@ class Server::Implementation {
   }
 
  private:
-  std::chrono::milliseconds poll_limit(SteadyClock::time_point started) const {
+  std::chrono::milliseconds poll_limit() const {
     using std::chrono::milliseconds;
     std::optional<SteadyClock::time_point> due;
-    if (!greeted_ && options_.wait) due = started + *options_.wait;
+    if (!greeted_ && options_.wait) due = waiting_since_ + *options_.wait;
     if (!greeted_ && peer_.valid())
       due = std::min(due.value_or(SteadyClock::time_point::max()), connected_ + kGreetingLimit);
     if (!due) return milliseconds(-1);
@@ -126,8 +127,11 @@ class Server::Implementation {
   }
 
   void lose_peer() {
-    if (greeted_) end_ = ServeEnd::kClientLost;
+    if (greeted_ && !options_.keep_serving) end_ = ServeEnd::kClientLost;
     peer_.reset();
+    if (greeted_) waiting_since_ = SteadyClock::now();
+    greeted_ = capture_wanted_ = false;
+    std::fill(slot_sequence_.begin(), slot_sequence_.end(), 0);  // nobody holds a frame any more
   }
 
   void greet(std::span<const std::byte> datagram) {
@@ -247,7 +251,7 @@ class Server::Implementation {
   struct stat socket_file_ {};
 
   bool greeted_ = false;
-  SteadyClock::time_point connected_;
+  SteadyClock::time_point connected_, waiting_since_;
   std::optional<ServeEnd> end_;
 
   Eigen::Isometry3d pose_;

@@ -13,6 +13,7 @@ struct ServerOptions {
   std::filesystem::path socket;
   int slots = 4;                                                 ///< frames that a client may hold at once; 1 to 64
   std::optional<std::chrono::seconds> wait;                      ///< longest wait for the first client; empty: for ever
+  bool keep_serving = false;                                     ///< a lost client may be followed by another
   Eigen::Isometry3d first_pose = Eigen::Isometry3d::Identity();  ///< T_world_left until the client sets one
 };
 
@@ -20,7 +21,7 @@ struct ServerOptions {
 enum class ServeEnd {
   kGoodbye,     ///< its client needs no more
   kStopped,     ///< `stop()` or the stop descriptor
-  kClientLost,  ///< its client vanished without a goodbye
+  kClientLost,  ///< its client vanished without a goodbye, and none may follow
   kNobodyCame   ///< no client within `ServerOptions::wait`
 };
 

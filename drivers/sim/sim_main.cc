@@ -46,6 +46,7 @@ struct Arguments {
   int threads = 0;
   std::string socket;
   double wait_s = 0;
+  bool keep_serving = false;
   std::string truth;
   std::string snapshot;
   std::vector<double> eye = {0.6, 0, 0.35};
@@ -66,6 +67,7 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--socket", a.socket, "serve frames at this path");
   app.add_option("--wait", a.wait_s, "give up when no client comes within this many seconds")
       ->check(CLI::Range(1.0, 1e6));
+  app.add_flag("--keep-serving", a.keep_serving, "go on when a client vanishes: another may come");
   app.add_option("--write-truth", a.truth, "write points of the object's outer surface, PLY");
   app.add_option("--snapshot", a.snapshot, "write what the left camera sees, PNG");
   app.add_option("--pose", a.eye, "where the snapshot's camera stands, x,y,z in metres; it looks at the object")
@@ -111,6 +113,7 @@ int serve(const Arguments& arguments, const StereoCamera& camera, const Eigen::V
   ServerOptions options;
   options.socket = arguments.socket;
   if (arguments.wait_s > 0) options.wait = std::chrono::seconds(static_cast<std::int64_t>(arguments.wait_s));
+  options.keep_serving = arguments.keep_serving;
   options.first_pose = look_at({0.6, 0, 0.35}, target);
   Server server(camera, options);
   fmt::print("vantage-sim: serving {} ({:.2f} m) on {}\n", std::filesystem::path(arguments.object).filename().string(),

@@ -3,7 +3,9 @@
 #include <cerrno>
 #include <cstring>
 #include <exception>
+#include <fstream>
 #include <list>
+#include <sstream>
 #include <utility>
 
 #include <arpa/inet.h>
@@ -20,12 +22,13 @@ namespace {
 /// Messages kept for one channel before LCM drops the newest: a depth map's chunks come in bursts of some hundred.
 constexpr int kQueueCapacity = 4096;
 
-/// LCM itself prints many lines and gives up without a reason when no route leads to its group.
-void require_multicast_route(const std::string& url) {
-  constexpr std::string_view kScheme = "udpm://";
-  if (!url.starts_with(kScheme)) return;
-  const std::size_t end = url.find_first_of(":?", kScheme.size());
-  const std::string group = url.substr(kScheme.size(), end == std::string::npos ? end : end - kScheme.size());
+constexpr std::string_view kUdp = "udpm://";
+
+/// The multicast group of a udpm:// address. \throws InputError when it has none, or no route leads there: LCM itself
+/// prints many lines then and gives up without a reason.
+in_addr reachable_group(const std::string& url) {
+  const std::size_t end = url.find_first_of(":?", kUdp.size());
+  const std::string group = url.substr(kUdp.size(), end == std::string::npos ? end : end - kUdp.size());
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(1);
@@ -41,6 +44,33 @@ void require_multicast_route(const std::string& url) {
     throw InputError("LCM has no route to its multicast group " + group + " (" + std::strerror(error) +
                      "): run  ip route add 224.0.0.0/4 dev lo  as root, or start through scripts/private-network");
   }
+  return address.sin_addr;
+}
+
+/// The interface of the most special route to an address, by the kernel's table; empty when it has none.
+std::string interface_to(in_addr address) {
+  std::ifstream table("/proc/net/route");
+  std::string line, found;
+  std::uint32_t longest_mask = 0;
+  std::getline(table, line);  // the columns' names
+  while (std::getline(table, line)) {
+    std::istringstream columns(line);
+    std::string name, gateway, flags, references, use, metric;
+    std::uint32_t destination = 0, mask = 0;  // in network order, as in_addr
+    columns >> name >> std::hex >> destination >> gateway >> flags >> references >> use >> metric >> mask;
+    if (!columns || (address.s_addr & mask) != destination) continue;
+    if (!found.empty() && ntohl(mask) <= longest_mask) continue;
+    found = name;
+    longest_mask = ntohl(mask);
+  }
+  return found;
+}
+
+/// The `ttl` of an address; LCM's own default is 0.
+std::string time_to_live(const std::string& url) {
+  const std::size_t key = url.find("ttl=");
+  if (key == std::string::npos) return "0";
+  return url.substr(key + 4, url.find('&', key) - key - 4);
 }
 
 }  // namespace
@@ -66,9 +96,14 @@ struct LcmBus::Impl {
 };
 
 LcmBus::LcmBus(const std::string& url) : impl_(std::make_unique<Impl>()) {
-  require_multicast_route(url);
+  if (url.starts_with(kUdp)) reachable_group(url);  // throws where there is no route
   impl_->lcm = ::lcm_create(url.c_str());
   if (impl_->lcm == nullptr) throw InputError(url + ": LCM can't use this address");
+}
+
+bool LcmBus::stays_on_this_machine(const std::string& url) {
+  if (url.starts_with("memq://") || url.starts_with("file://")) return true;
+  return url.starts_with(kUdp) && time_to_live(url) == "0" && interface_to(reachable_group(url)) == "lo";
 }
 
 LcmBus::~LcmBus() { ::lcm_destroy(impl_->lcm); }

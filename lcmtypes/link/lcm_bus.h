@@ -13,6 +13,10 @@ class LcmBus final : public MessageBus {
   /// Stays on this machine (TTL 0) with a receive buffer of 4 MiB, where the kernel grants it.
   static constexpr const char* kDefaultUrl = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304";
 
+  /// True when what is said there can neither leave this machine nor come from another: TTL 0 and a multicast route
+  /// over loopback, or no network at all (memq://, file://).
+  static bool stays_on_this_machine(const std::string& url);
+
   /// `url`: as LCM's LCM_DEFAULT_URL. \throws InputError with the mend when the machine has no multicast route, or LCM
   /// does not take the address.
   explicit LcmBus(const std::string& url = kDefaultUrl);

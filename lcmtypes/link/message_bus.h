@@ -12,15 +12,21 @@
 
 namespace vantage {
 
+/// Of all channels and the rules on them. Programs with different ones say so and do not work together.
+inline constexpr std::int32_t kLinkVersion = 2;
+
 /// Channels; each carries one type, and the number of its schema's version.
 namespace channel {
 inline constexpr const char* kDepthMap = "VANTAGE_DEPTH_MAP_1";            ///< depth_map_t, in logs
-inline constexpr const char* kDepthManifest = "VANTAGE_DEPTH_MANIFEST_1";  ///< depth_map_manifest_t
+inline constexpr const char* kDepthManifest = "VANTAGE_DEPTH_MANIFEST_2";  ///< depth_map_manifest_t, sealed
 inline constexpr const char* kDepthChunk = "VANTAGE_DEPTH_CHUNK_1";        ///< depth_map_chunk_t
-inline constexpr const char* kDepthReceipt = "VANTAGE_DEPTH_RECEIPT_1";    ///< depth_map_receipt_t
-inline constexpr const char* kMotionGoal = "VANTAGE_MOTION_GOAL_1";        ///< motion_goal_t
-inline constexpr const char* kRobotState = "VANTAGE_ROBOT_STATE_1";        ///< robot_state_t
-inline constexpr const char* kHeartbeat = "VANTAGE_HEARTBEAT_1";           ///< heartbeat_t
+inline constexpr const char* kDepthReceipt = "VANTAGE_DEPTH_RECEIPT_2";    ///< depth_map_receipt_t, sealed
+inline constexpr const char* kCommand = "VANTAGE_COMMAND_1";               ///< command_t, sealed
+inline constexpr const char* kMotionGoal = "VANTAGE_MOTION_GOAL_1";        ///< motion_goal_t, in logs
+inline constexpr const char* kRobotState = "VANTAGE_ROBOT_STATE_1";        ///< robot_state_t, sealed
+inline constexpr const char* kHeartbeat = "VANTAGE_HEARTBEAT_2";           ///< heartbeat_t, sealed
+inline constexpr const char* kStatus = "VANTAGE_STATUS_1";                 ///< status_t, sealed
+inline constexpr const char* kPreview = "VANTAGE_PREVIEW_1";               ///< preview_t
 inline constexpr const char* kSessionConfig = "VANTAGE_SESSION_CONFIG_1";  ///< session_config_t, in logs
 }  // namespace channel
 

@@ -36,6 +36,14 @@ class Walker {
     return size && *size > 0 && *size <= rest_.size() && rest_[*size - 1] == 0 && skip(*size, 1);
   }
 
+  /// Ends at the first that does not fit, so that a claim of many costs nothing.
+  bool strings(std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!string()) return false;
+    }
+    return true;
+  }
+
   bool at_end() const { return rest_.empty(); }
 
  private:
@@ -82,7 +90,11 @@ bool layout_fits(std::string_view layout, std::span<const std::uint8_t> bytes) {
         break;
       case 'B':
       case 'I':
-        fits = walker.skip(lengths[static_cast<std::size_t>(layout[++i] - '0')], code == 'B' ? 1 : 4);
+      case 'Q':
+        fits = walker.skip(lengths[static_cast<std::size_t>(layout[++i] - '0')], code == 'B' ? 1 : code == 'I' ? 4 : 8);
+        break;
+      case 'S':
+        fits = walker.strings(lengths[static_cast<std::size_t>(layout[++i] - '0')]);
         break;
       default:
         break;

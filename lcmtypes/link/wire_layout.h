@@ -4,14 +4,17 @@
 #include <span>
 #include <string_view>
 
+#include <vantage/command_t.hpp>
 #include <vantage/depth_map_chunk_t.hpp>
 #include <vantage/depth_map_manifest_t.hpp>
 #include <vantage/depth_map_receipt_t.hpp>
 #include <vantage/depth_map_t.hpp>
 #include <vantage/heartbeat_t.hpp>
 #include <vantage/motion_goal_t.hpp>
+#include <vantage/preview_t.hpp>
 #include <vantage/robot_state_t.hpp>
 #include <vantage/session_config_t.hpp>
+#include <vantage/status_t.hpp>
 
 namespace vantage {
 
@@ -20,7 +23,7 @@ namespace vantage {
 ///
 ///   q i b   64-, 32- and 8-bit integer (boolean and byte too)      d   double
 ///   n       32-bit length of arrays that follow; the first is 0, the second 1, …
-///   B0 I0   byte and 32-bit integer array of that length           s   string
+///   B0 I0 Q0 S0   array of that length of bytes, 32- or 64-bit integers, strings      s   string
 ///
 /// A number before a letter repeats it. A test compares every layout with the generated encoder.
 template <typename Message>
@@ -29,19 +32,25 @@ inline constexpr std::string_view kWireLayout = {};
 template <>
 inline constexpr std::string_view kWireLayout<depth_map_t> = "5q 2i 2d 2d 3d 4d 2d n B0";
 template <>
-inline constexpr std::string_view kWireLayout<depth_map_manifest_t> = "3q 3i 32b";
+inline constexpr std::string_view kWireLayout<depth_map_manifest_t> = "4q 3i 32b";
 template <>
 inline constexpr std::string_view kWireLayout<depth_map_chunk_t> = "3q i n B0";
 template <>
-inline constexpr std::string_view kWireLayout<depth_map_receipt_t> = "3q b 32b n I0 I0";
+inline constexpr std::string_view kWireLayout<depth_map_receipt_t> = "4q b 32b n I0 I0";
 template <>
 inline constexpr std::string_view kWireLayout<motion_goal_t> = "4q 3d 4d";
 template <>
 inline constexpr std::string_view kWireLayout<robot_state_t> = "4q b 3d 4d";
 template <>
-inline constexpr std::string_view kWireLayout<heartbeat_t> = "2q 2b s s";
+inline constexpr std::string_view kWireLayout<heartbeat_t> = "2q i 2b 4q s s";
 template <>
 inline constexpr std::string_view kWireLayout<session_config_t> = "q s";
+template <>
+inline constexpr std::string_view kWireLayout<command_t> = "5q b n B0";
+template <>
+inline constexpr std::string_view kWireLayout<status_t> = "2q b q n S0 Q0";
+template <>
+inline constexpr std::string_view kWireLayout<preview_t> = "2q 2i n B0";
 
 /// True when `bytes` (fingerprint included) is exactly as long as the layout and the lengths in it say, no length is
 /// negative, and every string ends with its NUL. Reads nothing beyond `bytes`, allocates nothing.

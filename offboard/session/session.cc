@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <ostream>
 #include <thread>
 
@@ -50,11 +51,17 @@ void copy_into(const std::filesystem::path& from, const std::filesystem::path& t
   if (error) throw InputError(to.string() + ": can't be written: " + error.message());
 }
 
-std::ofstream open_table(const std::filesystem::path& path, const char* columns) {
-  std::ofstream table(path);
-  table << columns << '\n' << std::flush;
+std::ofstream open_table(const std::filesystem::path& path, const char* columns,
+                         std::ios::openmode mode = std::ios::trunc) {
+  std::ofstream table(path, std::ios::out | mode);
+  if (table.tellp() == std::ofstream::pos_type(0)) table << columns << '\n' << std::flush;
   if (!table) throw InputError(path.string() + ": can't be written");
   return table;
+}
+
+std::string text_of(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 std::string minutes(double seconds) {
@@ -64,21 +71,23 @@ std::string minutes(double seconds) {
 
 }  // namespace
 
-Session::Session(const SessionConfig& inputs, const std::filesystem::path& folder, bool overwrite, const Clock& clock,
-                 std::ostream& terminal)
+Session::Session(const SessionConfig& config, const Clock& clock, std::ostream& terminal)
     : clock_(clock),
       terminal_(terminal),
-      config_(inputs),
-      volume_(inputs.region, inputs.sensor),
-      cloud_(inputs.region, inputs.cloud),
+      config_(config),
+      volume_(config.region, config.sensor),
+      cloud_(config.region, config.cloud),
       started_(clock.monotonic()) {
-  // Whatever can be wrong with the inputs is found before the folder is touched.
   if (config_.planning) {
     planner_ = std::make_unique<Planner>(volume_, candidates_of(*config_.planning), gain_function(*config_.planning),
                                          config_.planning->planner);
   }
   if (!config_.truth.empty()) coverage_.emplace(read_truth(config_.truth), config_.coverage_distance_m);
+}
 
+Session::Session(const SessionConfig& inputs, const std::filesystem::path& folder, bool overwrite, const Clock& clock,
+                 std::ostream& terminal)
+    : Session(inputs, clock, terminal) {  // whatever can be wrong with the inputs is found before the folder is touched
   folder_ = make_session_folder(folder, overwrite);
   if (!config_.truth.empty()) {
     copy_into(config_.truth, folder_.truth());
@@ -91,16 +100,67 @@ Session::Session(const SessionConfig& inputs, const std::filesystem::path& folde
   AtomicFile config_file(folder_.config());
   config_file.stream() << to_yaml(config_);
   config_file.commit();
+  begin_log();
+  open_tables(std::ios::trunc);
+}
+
+std::unique_ptr<Session> Session::resume(const std::filesystem::path& folder, const Clock& clock,
+                                         std::ostream& terminal) {
+  const SessionFolder files{folder};
+  if (!std::filesystem::exists(files.config())) {
+    throw InputError(folder.string() + ": holds no session to resume");
+  }
+  std::unique_ptr<Session> session(new Session(load_session_config(files.config()), clock, terminal));
+  session->folder_ = files;
+  session->config_ = parse_session_config(text_of(files.config()), files.config().string(), "");
+  session->open_tables(std::ios::app | std::ios::ate);  // earlier times are kept
+  session->read_log();
+  return session;
+}
+
+void Session::begin_log() {
   log_ = std::make_unique<LogWriter>(folder_.log());
   session_config_t first;
   first.utime = clock_.utime();
   first.yaml = to_yaml(config_);
   log(channel::kSessionConfig, encode_message(first));
+}
+
+/// Brings the session to where its log ends, and the log to where it can go on.
+void Session::read_log() {
+  const auto decoded = [&](const LogEvent& event, auto* message) {
+    DecodeCounters counters;
+    if (decode_message(event.bytes, message, &counters)) return true;
+    throw InputError(folder_.log().string() + ": event " + std::to_string(event.number) + " (" + event.channel +
+                     "): does not decode");
+  };
+  std::uint64_t events = 0;
+  if (std::filesystem::exists(folder_.log())) {
+    LogReader reader(folder_.log(), {.accept_torn_end = true});
+    for (LogEvent event; reader.next(&event); ++events) {
+      if (motion_goal_t goal; event.channel == channel::kMotionGoal && decoded(event, &goal)) goal_before_ = goal;
+      depth_map_t map;
+      if (event.channel != channel::kDepthMap || !decoded(event, &map)) continue;
+      std::string why;
+      const std::optional<PlannerStep> step = use(map, &why);
+      if (!step) {
+        throw InputError(folder_.log().string() + ": event " + std::to_string(event.number) + ": " + why);
+      }
+      write_step(*step);
+      taken_before_.push_back({map.session, map.map_id, digest_of(event.bytes)});
+    }
+  }
+  if (events == 0) return begin_log();  // its program ended before the first event was whole
+  log_ = LogWriter::resume(folder_.log());
+  terminal_ << fmt::format("resumed after {} {}", steps_, planner_ ? "views" : "depth maps") << std::endl;
+}
+
+void Session::open_tables(std::ios::openmode timing_mode) {
   steps_file_ = open_table(folder_.steps(),
                            "step,view_id,path_m,occupied,free,uncertain,unobserved,entropy_nats,coverage,"
                            "next_view_id,next_gain,next_cost_m,next_utility,reason");
   scores_file_ = open_table(folder_.scores(), "step,view_id,gain,cost_m,utility");
-  timing_file_ = open_table(folder_.timing(), "step,seconds_since_start,integrate_and_decide_s");
+  timing_file_ = open_table(folder_.timing(), "step,seconds_since_start,integrate_and_decide_s", timing_mode);
 }
 
 Session::~Session() = default;
@@ -114,18 +174,18 @@ void Session::log(std::string_view channel, std::span<const std::uint8_t> bytes)
   log_->write(clock_.utime(), channel, bytes);
 }
 
-bool Session::take(const depth_map_t& message, std::string* why) {
-  const std::chrono::nanoseconds begin = clock_.monotonic();
+/// Integrates and decides; nothing, with the reason, when the depth map is refused.
+std::optional<PlannerStep> Session::use(const depth_map_t& message, std::string* why) {
   const std::optional<DepthMap> depth_map = unpack_depth_map(message, why);
-  if (!depth_map) return false;
+  if (!depth_map) return std::nullopt;
   PlannerStep step;
   if (planner_) {
     std::optional<PlannerStep> taken = planner_->take(*depth_map, why);
-    if (!taken) return false;
+    if (!taken) return std::nullopt;
     step = std::move(*taken);
   } else {
     const IntegrationResult integrated = volume_.integrate(*depth_map);
-    if (!integrated.ok) return *why = integrated.error, false;
+    if (!integrated.ok) return *why = integrated.error, std::nullopt;
     if (!cameras_.empty()) path_m_ += (depth_map->T_world_camera.translation() - cameras_.back().translation()).norm();
     step.step = steps_ + 1;
     step.view_id = depth_map->view_id;
@@ -133,13 +193,20 @@ bool Session::take(const depth_map_t& message, std::string* why) {
     step.reason = "integrated";
   }
   steps_ = step.step;
-  log(channel::kDepthMap, encode_message(message));
   cameras_.push_back(depth_map->T_world_camera);
   const std::vector<Eigen::Vector3f> added = cloud_.add(*depth_map);
   if (coverage_) coverage_->add(added);
   if (finished()) finish_reason_ = step.reason;
-  write_step(step);
-  report(step, std::chrono::duration<double>(clock_.monotonic() - begin).count());
+  return step;
+}
+
+bool Session::take(const depth_map_t& message, std::string* why) {
+  const std::chrono::nanoseconds begin = clock_.monotonic();
+  const std::optional<PlannerStep> step = use(message, why);
+  if (!step) return false;
+  log(channel::kDepthMap, encode_message(message));
+  write_step(*step);
+  report(*step, std::chrono::duration<double>(clock_.monotonic() - begin).count());
   return true;
 }
 

@@ -7,10 +7,13 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <vantage/depth_map_t.hpp>
+#include <vantage/motion_goal_t.hpp>
 
 #include "lcmtypes/link/clock.h"
+#include "lcmtypes/link/digest.h"
 #include "lcmtypes/link/event_log.h"
 #include "offboard/planning/planner.h"
 #include "offboard/session/session_config.h"
@@ -30,6 +33,10 @@ class Session {
   /// \throws InputError when a file of the configuration is not usable, or the folder is not.
   Session(const SessionConfig& inputs, const std::filesystem::path& folder, bool overwrite, const Clock& clock,
           std::ostream& terminal);
+  /// Goes on with the session in `folder`, however its program ended: map, plan and tables are made anew from its log,
+  /// which then grows on. \throws InputError when the folder holds no session, or its log is damaged.
+  static std::unique_ptr<Session> resume(const std::filesystem::path& folder, const Clock& clock,
+                                         std::ostream& terminal);
   ~Session();
 
   /// The view to be taken now; nothing when the run is over, or none is planned.
@@ -43,6 +50,15 @@ class Session {
   /// Integrates a depth map, decides, logs. False, with the reason in `why` and nothing changed, when it is refused.
   bool take(const depth_map_t& message, std::string* why);
 
+  /// A depth map of the log that a resumed session began with.
+  struct TakenMap {
+    std::int64_t session = 0, map_id = 0;
+    Digest digest{};  ///< of the encoded message
+  };
+  const std::vector<TakenMap>& taken_before() const { return taken_before_; }
+  /// The last goal of the log that a resumed session began with; nothing in a new one.
+  const std::optional<motion_goal_t>& goal_before() const { return goal_before_; }
+
   /// Adds an accepted message to the log.
   void log(std::string_view channel, std::span<const std::uint8_t> bytes);
 
@@ -55,6 +71,11 @@ class Session {
   std::int64_t steps() const { return steps_; }
 
  private:
+  Session(const SessionConfig& config, const Clock& clock, std::ostream& terminal);
+  void begin_log();
+  void read_log();
+  void open_tables(std::ios::openmode timing_mode);
+  std::optional<PlannerStep> use(const depth_map_t& message, std::string* why);
   void write_step(const PlannerStep& step);
   void report(const PlannerStep& step, double seconds);
 
@@ -73,6 +94,8 @@ class Session {
   double path_m_ = 0;
   std::vector<Eigen::Isometry3d> cameras_;  // of the depth maps taken
   std::string finish_reason_;
+  std::vector<TakenMap> taken_before_;
+  std::optional<motion_goal_t> goal_before_;
 };
 
 }  // namespace vantage

@@ -46,7 +46,7 @@ bool Executive::take_goal(const ViewGoal& goal) {
   {
     const std::lock_guard lock(mutex_);
     next_goal_ = goal;
-    hold_ = false;
+    hold_ = goal_reached_ = false;
     snapshot_.planner = goal.planner;
     snapshot_.goal_id = goal.goal_id;
     snapshot_.activity = Activity::kMoving;
@@ -59,6 +59,7 @@ void Executive::hold() {
   const std::lock_guard lock(mutex_);
   next_goal_.reset();
   hold_ = true;
+  if (!goal_reached_) snapshot_.planner = snapshot_.goal_id = 0;
   snapshot_.activity = Activity::kIdle;
 }
 
@@ -75,6 +76,11 @@ std::optional<DepthMap> Executive::fetch_depth_map() {
   }
   if (map) changed_.notify_all();
   return map;
+}
+
+std::optional<Frame> Executive::fetch_frame() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(frame_, std::nullopt);
 }
 
 bool Executive::ended(std::string* reason) const {
@@ -157,7 +163,10 @@ bool Executive::capture(const ViewGoal& goal) {
   map.view_id = goal.view_id;
   const std::lock_guard lock(mutex_);
   finished_ = std::move(map);
-  if (!next_goal_) snapshot_.activity = Activity::kIdle;
+  frame_ = std::move(frame);
+  if (next_goal_) return true;
+  goal_reached_ = !hold_;
+  snapshot_.activity = Activity::kIdle;
   return true;
 }
 

@@ -30,7 +30,7 @@ enum class Activity : std::int8_t { kIdle = 0, kMoving = 1, kCapturing = 2 };
 /// What the robot is doing, at one moment.
 struct RobotSnapshot {
   Activity activity = Activity::kIdle;
-  std::int64_t planner = 0, goal_id = 0;  ///< of the goal taken up last; 0: none yet
+  std::int64_t planner = 0, goal_id = 0;  ///< of the goal taken up last; 0: none yet, or it was forgotten
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
 };
 
@@ -48,11 +48,13 @@ class Executive {
 
   /// Takes up a goal. False, and nothing changes, when its pose is not rigid.
   bool take_goal(const ViewGoal& goal);
-  /// Stops where the camera is; the goal under way is forgotten.
+  /// Stops where the camera is; a goal under way is forgotten, and is in the snapshot no more.
   void hold();
   RobotSnapshot snapshot() const;
   /// The next finished depth map, each once.
   std::optional<DepthMap> fetch_depth_map();
+  /// The frame of the latest depth map, each once: for those who want to see it.
+  std::optional<Frame> fetch_frame();
   /// True, with the reason, when the camera or its carrier has gone: no goal will be reached any more.
   bool ended(std::string* reason) const;
 
@@ -72,9 +74,11 @@ class Executive {
   std::condition_variable changed_;
   std::optional<ViewGoal> next_goal_;
   std::optional<DepthMap> finished_;
+  std::optional<Frame> frame_;
   RobotSnapshot snapshot_;
   std::string end_reason_;
   bool hold_ = false, stop_ = false;
+  bool goal_reached_ = false;  // its depth map has been made
 
   std::thread thread_;
 };

@@ -11,6 +11,7 @@
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/depth_map_receiver.h"
 #include "lcmtypes/link/depth_map_sender.h"
+#include "lcmtypes/link/network_link.h"
 #include "tests/lcmtypes/sample_depth_map.h"
 
 namespace vantage {
@@ -38,6 +39,24 @@ TEST(LcmBus, AMissingRouteIsOneLineWithTheMend) {
 }
 
 TEST(LcmBus, ANonsenseAddressIsNamed) { EXPECT_THROW(LcmBus("udpm://no-address:1"), InputError); }
+
+TEST(LcmBus, OnlyLoopbackWithoutATimeToLiveIsPrivate) {
+  ASSERT_TRUE(enter_empty_network());
+  ASSERT_TRUE(add_loopback_route());
+  EXPECT_TRUE(LcmBus::stays_on_this_machine(LcmBus::kDefaultUrl));
+  EXPECT_TRUE(LcmBus::stays_on_this_machine("udpm://239.255.76.67:7667"));  // LCM's own default is a TTL of 0
+  EXPECT_FALSE(LcmBus::stays_on_this_machine("udpm://239.255.76.67:7667?ttl=1"));
+  EXPECT_FALSE(LcmBus::stays_on_this_machine("udpm://239.255.76.67:7667?recv_buf_size=1000&ttl=10"));
+  EXPECT_FALSE(LcmBus::stays_on_this_machine("tcpq://192.0.2.1:7700"));
+  EXPECT_TRUE(LcmBus::stays_on_this_machine("memq://"));
+  // Another interface's route is more special than loopback's.
+  ASSERT_EQ(std::system("ip link add beyond type veth peer name other && ip addr add 192.0.2.1/24 dev beyond && "
+                        "ip link set beyond up && ip route add 239.255.0.0/16 dev beyond"),
+            0);
+  EXPECT_FALSE(LcmBus::stays_on_this_machine(LcmBus::kDefaultUrl));
+  EXPECT_THROW(NetworkLink({}), InputError);
+  EXPECT_NO_THROW(NetworkLink({.insecure = true}));
+}
 
 TEST(LcmBus, CarriesDepthMapsWhole) {
   ASSERT_TRUE(enter_empty_network());

@@ -38,6 +38,28 @@ session_config_t sample_config() {
   return config;
 }
 
+command_t sample_command() {
+  command_t command{};
+  command.size = 3;
+  command.payload = {1, 2, 3};
+  return command;
+}
+
+status_t sample_status() {
+  status_t status{};
+  status.counters = 2;
+  status.name = {"maps.sent", ""};
+  status.value = {7, -1};
+  return status;
+}
+
+preview_t sample_preview() {
+  preview_t preview{};
+  preview.size = 2;
+  preview.jpeg = {0xff, 0xd8};
+  return preview;
+}
+
 template <typename Message>
 void expect_layout_equals_generated_code(const Message& message) {
   SCOPED_TRACE(Message::getTypeName());
@@ -66,6 +88,9 @@ TEST(Message, LayoutsEqualTheGeneratedCode) {
   expect_layout_equals_generated_code(robot_state_t{});
   expect_layout_equals_generated_code(sample_heartbeat());
   expect_layout_equals_generated_code(sample_config());
+  expect_layout_equals_generated_code(sample_command());
+  expect_layout_equals_generated_code(sample_status());
+  expect_layout_equals_generated_code(sample_preview());
 }
 
 TEST(Message, AnotherTypeIsRefused) {

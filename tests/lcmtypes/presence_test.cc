@@ -58,5 +58,46 @@ TEST_F(PresenceTest, LastWordsSurviveTheLossOfTwo) {
   EXPECT_EQ(robot_.peer(), PeerPhase::kFinished);  // who has finished is not lost
 }
 
+TEST_F(PresenceTest, AnotherVersionIsNamedOnBothSides) {
+  PresenceOptions later;
+  later.link_version = kLinkVersion + 1;
+  Presence robot(bus_, clock_, Role::kRobot, "9.1", later);
+  robot.step();
+  planner_.step();
+  drain();
+  EXPECT_EQ(planner_.peer(), PeerPhase::kUnfit);
+  EXPECT_NE(planner_.peer_message().find("the robot is version 9.1 (link 3), this program version 1 (link 2)"),
+            std::string::npos)
+      << planner_.peer_message();
+  EXPECT_EQ(robot.peer(), PeerPhase::kUnfit);
+  EXPECT_NE(robot.peer_message().find("the planner is version 1 (link 2)"), std::string::npos);
+}
+
+TEST_F(PresenceTest, ARestartedPeerIsKnownByItsBootId) {
+  robot_.step();
+  drain();
+  EXPECT_EQ(planner_.peer_boot_id(), robot_.boot_id());
+  Presence again(bus_, clock_, Role::kRobot, "1");
+  again.step();
+  drain();
+  EXPECT_EQ(planner_.peer_boot_id(), again.boot_id());
+  EXPECT_EQ(planner_.peer_restarts(), 1u);
+  EXPECT_NE(again.boot_id(), robot_.boot_id());
+}
+
+TEST_F(PresenceTest, MeasuresTheClockOnceBothHaveHeardEachOther) {
+  robot_.step();
+  drain();
+  EXPECT_FALSE(planner_.clock_offset());
+  planner_.step();
+  drain();
+  clock_.advance(milliseconds(250));
+  robot_.step();
+  drain();
+  ASSERT_TRUE(planner_.clock_offset());
+  EXPECT_EQ(planner_.clock_offset()->offset_us, 0);
+  EXPECT_EQ(planner_.peer_utime(), clock_.utime());
+}
+
 }  // namespace
 }  // namespace vantage

@@ -7,6 +7,7 @@
 
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/depth_codec.h"
+#include "lcmtypes/link/depth_map_sender.h"
 #include "lcmtypes/link/memory_bus.h"
 #include "tests/lcmtypes/sample_depth_map.h"
 
@@ -24,8 +25,12 @@ class PlannerLinkTest : public testing::Test {
       : session_(config(), folder(), true, clock_, terminal_),
         link_(bus_, clock_, session_, "1"),
         robot_(bus_, clock_, Role::kRobot, "1") {
-    subscribe_message<motion_goal_t>(bus_, channel::kMotionGoal, &decode_,
-                                     [this](const motion_goal_t& goal) { goals_.push_back(goal); });
+    subscribe_message<command_t>(bus_, channel::kCommand, &decode_, [this](const command_t& command) {
+      EXPECT_TRUE(gate_.admit(command, clock_.utime()));
+      motion_goal_t goal;
+      EXPECT_TRUE(decode_message(command.payload, &goal, &decode_));
+      goals_.push_back(goal);
+    });
   }
   static SessionConfig config() {
     SessionConfig config;
@@ -64,6 +69,7 @@ class PlannerLinkTest : public testing::Test {
   Session session_;
   PlannerLink link_;
   Presence robot_;
+  CommandGate gate_{robot_.boot_id()};
   PlannerEnd end_;
 };
 
@@ -121,6 +127,100 @@ TEST_F(PlannerLinkTest, SaysThatNoDepthMapComes) {
   ASSERT_TRUE(run(milliseconds(400), true, &end_));
   EXPECT_EQ(end_.exit_status, kExitPeerLost);
   EXPECT_NE(end_.message.find("no depth map of view 0"), std::string::npos);
+}
+
+TEST_F(PlannerLinkTest, ARobotThatForgotTheGoalIsToldAgain) {
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  robot_state_t state{};
+  state.planner = goals_[0].planner;
+  state.goal_id = goals_[0].goal_id;
+  publish_message(bus_, channel::kRobotState, state);
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  const std::size_t sent = goals_.size();
+  publish_message(bus_, channel::kRobotState, robot_state_t{});  // it was paused, or has started anew
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  ASSERT_GT(goals_.size(), sent);
+  EXPECT_EQ(goals_.back().goal_id, goals_.front().goal_id);
+}
+
+TEST_F(PlannerLinkTest, ASessionKilledAfterAnyViewGoesOnWithTheSameGoal) {
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  answer(goals_.back().goal_id, 1);
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  const motion_goal_t asked = goals_.back();
+  goals_.clear();
+  // Another start of the program, beside the one that is no longer stepped.
+  const std::filesystem::path copy = folder().string() + "_resumed";
+  std::filesystem::remove_all(copy);
+  std::filesystem::copy(folder(), copy, std::filesystem::copy_options::recursive);
+  const std::unique_ptr<Session> session = Session::resume(copy, clock_, terminal_);
+  EXPECT_EQ(session->steps(), 1);
+  EXPECT_EQ(session->goal()->id, session_.goal()->id);
+  EXPECT_TRUE(session->map() == session_.map());
+  MemoryBus bus;
+  PlannerLink link(bus, clock_, *session, "1");
+  Presence robot(bus, clock_, Role::kRobot, "1");
+  subscribe_message<command_t>(bus, channel::kCommand, &decode_, [this](const command_t& command) {
+    motion_goal_t goal;
+    EXPECT_TRUE(decode_message(command.payload, &goal, &decode_));
+    goals_.push_back(goal);
+  });
+  const auto step = [&](int rounds) {
+    for (int i = 0; i < rounds; ++i) {
+      clock_.advance(kRound);
+      robot.step();
+      if (link.step(&end_)) return true;
+      while (bus.handle(milliseconds(0))) {
+      }
+    }
+    return false;
+  };
+  ASSERT_FALSE(step(10));
+  ASSERT_FALSE(goals_.empty());
+  EXPECT_EQ(goals_[0].planner, asked.planner);
+  EXPECT_EQ(goals_[0].goal_id, asked.goal_id);
+  EXPECT_EQ(goals_[0].view_id, asked.view_id);
+  // What the robot made for the planner that was killed is taken.
+  DepthMap map = sample_depth_map(32, 24);
+  map.goal_id = asked.goal_id;
+  map.view_id = asked.view_id;
+  map.T_world_camera = session->goal()->T_world_camera;
+  publish_message(bus, channel::kDepthMap, pack_depth_map(map));
+  ASSERT_TRUE(step(10));
+  EXPECT_EQ(end_.message, "the limit of 2 views is reached");
+}
+
+TEST_F(PlannerLinkTest, AMapTakenBeforeTheKillIsAcknowledgedNotTakenAgain) {
+  ASSERT_FALSE(run(milliseconds(500), true, &end_));
+  DepthMapSender sender(bus_, clock_);
+  DepthMap map = sample_depth_map(32, 24);
+  map.goal_id = goals_.back().goal_id;
+  map.view_id = session_.goal()->id;
+  map.T_world_camera = session_.goal()->T_world_camera;
+  const depth_map_t packed = pack_depth_map(map);
+  sender.enqueue(packed);
+  for (int i = 0; i < 20 && !sender.idle(); ++i) {
+    sender.step();
+    ASSERT_FALSE(run(kRound, true, &end_));
+  }
+  EXPECT_TRUE(sender.idle());
+  EXPECT_EQ(session_.steps(), 1);
+  const std::filesystem::path copy = folder().string() + "_resumed";
+  std::filesystem::remove_all(copy);
+  std::filesystem::copy(folder(), copy, std::filesystem::copy_options::recursive);
+  const std::unique_ptr<Session> session = Session::resume(copy, clock_, terminal_);
+  MemoryBus bus;
+  PlannerLink link(bus, clock_, *session, "1");
+  DepthMapSender again(bus, clock_);
+  again.enqueue(packed);
+  for (int i = 0; i < 20 && !again.idle(); ++i) {
+    clock_.advance(kRound);
+    again.step();
+    ASSERT_FALSE(link.step(&end_));
+  }
+  EXPECT_TRUE(again.idle());
+  EXPECT_EQ(session->steps(), 1);
+  EXPECT_EQ(link.refused_maps(), 0u);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "onboard/robot_link.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -33,6 +34,19 @@ class RobotLinkTest : public testing::Test {
     return message;
   }
 
+  /// As a planner would say it.
+  void send(const RobotLink& link, CommandKind kind, std::span<const std::uint8_t> payload = {}) {
+    command_t command{};
+    command.robot = link.boot_id();
+    command.counter = ++counter_;
+    command.expires = clock_.utime() + 1'000'000;
+    command.kind = static_cast<std::int8_t>(kind);
+    command.size = static_cast<std::int32_t>(payload.size());
+    command.payload.assign(payload.begin(), payload.end());
+    publish_message(bus_, channel::kCommand, command);
+  }
+  void send(const RobotLink& link, const motion_goal_t& goal) { send(link, CommandKind::kGoal, encode_message(goal)); }
+
   /// Runs link and planner's presence for a while of simulated time; real time passes as the executive needs it.
   bool run(RobotLink& link, Presence* planner, int rounds, RobotEnd* end) {
     for (int i = 0; i < rounds; ++i) {
@@ -49,6 +63,7 @@ class RobotLinkTest : public testing::Test {
   ManualClock clock_;
   MemoryBus bus_;
   DecodeCounters decode_;
+  std::int64_t counter_ = 0;
   robot_state_t last_state_{};
   std::vector<depth_map_t> maps_;
   std::unique_ptr<DepthMapReceiver> receiver_;
@@ -60,12 +75,12 @@ class RobotLinkTest : public testing::Test {
 TEST_F(RobotLinkTest, AGoalBecomesADepthMapOnce) {
   receiver_ =
       std::make_unique<DepthMapReceiver>(bus_, clock_, [this](const depth_map_t& map) { maps_.push_back(map); });
-  RobotLink link(bus_, clock_, executive_, "1", OnLostPlanner::kEnd);
+  RobotLink link(bus_, clock_, executive_, "1", {.on_lost_planner = OnLostPlanner::kEnd});
   Presence planner(bus_, clock_, Role::kPlanner, "1");
   RobotEnd end;
-  publish_message(bus_, channel::kMotionGoal, goal(1, 0.1));
+  send(link, goal(1, 0.1));
   for (int i = 0; i < 3000 && maps_.empty(); ++i) {
-    publish_message(bus_, channel::kMotionGoal, goal(1, 0.1));  // sent until it is taken up
+    send(link, goal(1, 0.1));  // sent until it is taken up
     ASSERT_FALSE(run(link, &planner, 1, &end)) << end.message;
   }
   ASSERT_EQ(maps_.size(), 1u);
@@ -80,19 +95,19 @@ TEST_F(RobotLinkTest, AGoalBecomesADepthMapOnce) {
 }
 
 TEST_F(RobotLinkTest, AGoalWithNanIsRefusedAndCounted) {
-  RobotLink link(bus_, clock_, executive_, "1", OnLostPlanner::kEnd);
+  RobotLink link(bus_, clock_, executive_, "1", {.on_lost_planner = OnLostPlanner::kEnd});
   RobotEnd end;
-  publish_message(bus_, channel::kMotionGoal, goal(1, std::nan("")));
+  send(link, goal(1, std::nan("")));
   motion_goal_t unturned = goal(2, 0);
   unturned.quaternion_xyzw[3] = 0;
-  publish_message(bus_, channel::kMotionGoal, unturned);
+  send(link, unturned);
   EXPECT_FALSE(run(link, nullptr, 30, &end));
   EXPECT_EQ(link.refused_goals(), 2u);
   EXPECT_EQ(last_state_.goal_id, 0);
 }
 
 TEST_F(RobotLinkTest, ALostPlannerEndsTheProgram) {
-  RobotLink link(bus_, clock_, executive_, "1", OnLostPlanner::kEnd);
+  RobotLink link(bus_, clock_, executive_, "1", {.on_lost_planner = OnLostPlanner::kEnd});
   Presence planner(bus_, clock_, Role::kPlanner, "1");
   RobotEnd end;
   EXPECT_FALSE(run(link, nullptr, 1000, &end));  // it waits for a first planner without limit
@@ -103,7 +118,7 @@ TEST_F(RobotLinkTest, ALostPlannerEndsTheProgram) {
 }
 
 TEST_F(RobotLinkTest, OrIsWaitedForInStandstill) {
-  RobotLink link(bus_, clock_, executive_, "1", OnLostPlanner::kHold);
+  RobotLink link(bus_, clock_, executive_, "1", {.on_lost_planner = OnLostPlanner::kHold});
   Presence planner(bus_, clock_, Role::kPlanner, "1");
   RobotEnd end;
   EXPECT_FALSE(run(link, &planner, 50, &end));
@@ -117,7 +132,7 @@ TEST_F(RobotLinkTest, OrIsWaitedForInStandstill) {
 }
 
 TEST_F(RobotLinkTest, AVanishedCameraEndsTheProgram) {
-  RobotLink link(bus_, clock_, executive_, "1", OnLostPlanner::kHold);
+  RobotLink link(bus_, clock_, executive_, "1", {.on_lost_planner = OnLostPlanner::kHold});
   robot_.vanish("the simulator has gone");
   RobotEnd end;
   bool over = false;
@@ -125,6 +140,69 @@ TEST_F(RobotLinkTest, AVanishedCameraEndsTheProgram) {
   ASSERT_TRUE(over);
   EXPECT_EQ(end.exit_status, kExitPeerLost);
   EXPECT_EQ(end.message, "the simulator has gone");
+}
+
+TEST_F(RobotLinkTest, AReplayedOrForeignCommandMovesNothing) {
+  RobotLink link(bus_, clock_, executive_, "1");
+  RobotEnd end;
+  command_t command{};
+  command.payload = encode_message(goal(1, 0.1));
+  command.size = static_cast<std::int32_t>(command.payload.size());
+  command.expires = clock_.utime() + 1'000'000;
+  command.counter = 1;
+  command.robot = link.boot_id() + 1;
+  publish_message(bus_, channel::kCommand, command);
+  command.robot = link.boot_id();
+  command.expires = clock_.utime();
+  publish_message(bus_, channel::kCommand, command);
+  EXPECT_FALSE(run(link, nullptr, 30, &end));
+  EXPECT_EQ(link.command_counters().accepted, 0u);
+  EXPECT_EQ(link.command_counters().refused(), 2u);
+  EXPECT_EQ(last_state_.goal_id, 0);
+}
+
+TEST_F(RobotLinkTest, AStopHoldsUntilAResume) {
+  RobotLink link(bus_, clock_, executive_, "1");
+  RobotEnd end;
+  send(link, CommandKind::kStop);
+  EXPECT_FALSE(run(link, nullptr, 30, &end));
+  EXPECT_EQ(last_state_.activity, 4);
+  send(link, goal(1, 0.1));
+  send(link, CommandKind::kPause);  // does not weaken the stop
+  EXPECT_FALSE(run(link, nullptr, 30, &end));
+  EXPECT_EQ(last_state_.activity, 4);
+  EXPECT_EQ(last_state_.goal_id, 0);
+  EXPECT_EQ(link.refused_goals(), 1u);
+  send(link, CommandKind::kResume);
+  send(link, goal(1, 0.1));
+  EXPECT_FALSE(run(link, nullptr, 30, &end));
+  EXPECT_LT(last_state_.activity, 3);
+  EXPECT_EQ(last_state_.goal_id, 1);
+}
+
+TEST_F(RobotLinkTest, AGoalForgottenInAPauseIsShownAsSuch) {
+  RobotLink link(bus_, clock_, executive_, "1");
+  RobotEnd end;
+  send(link, goal(1, 100));  // a long way
+  EXPECT_FALSE(run(link, nullptr, 15, &end));
+  EXPECT_EQ(last_state_.goal_id, 1);
+  send(link, CommandKind::kPause);
+  EXPECT_FALSE(run(link, nullptr, 15, &end));
+  EXPECT_EQ(last_state_.activity, 3);
+  EXPECT_EQ(last_state_.goal_id, 0);  // so that the planner sends it again
+}
+
+TEST_F(RobotLinkTest, SaysEveryCounterOnceASecond) {
+  RobotLink link(bus_, clock_, executive_, "1");
+  std::vector<status_t> statuses;
+  subscribe_message<status_t>(bus_, channel::kStatus, &decode_, [&](const status_t& s) { statuses.push_back(s); });
+  RobotEnd end;
+  send(link, CommandKind::kStop);
+  EXPECT_FALSE(run(link, nullptr, 310, &end));
+  ASSERT_EQ(statuses.size(), 3u);
+  const auto at = std::find(statuses[0].name.begin(), statuses[0].name.end(), "commands.accepted");
+  ASSERT_NE(at, statuses[0].name.end());
+  EXPECT_EQ(statuses[0].value[static_cast<std::size_t>(at - statuses[0].name.begin())], 1);
 }
 
 }  // namespace

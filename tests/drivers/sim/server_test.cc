@@ -54,6 +54,21 @@ TEST(Server, NoticesAClientThatVanishesDuringACapture) {
   EXPECT_EQ(serving.join(), ServeEnd::kClientLost);
 }
 
+TEST(Server, MayServeTheNextClientAfterALostOne) {
+  Serving serving(1, true);
+  for (int i = 0; i < 3; ++i) {
+    RawPeer client(serving.path());
+    ASSERT_TRUE(client.greet());
+    client.say(make_message<Capture>());
+    ASSERT_TRUE(client.hear<Captured>());  // and goes with the only slot in its hands
+    client.close();
+  }
+  RawPeer last(serving.path());
+  ASSERT_TRUE(last.greet());
+  last.say(make_message<Goodbye>());
+  EXPECT_EQ(serving.join(), ServeEnd::kGoodbye);
+}
+
 TEST(Server, GivesUpWhenNobodyComes) {
   const ScratchFolder folder;
   const StereoCamera camera = small_stereo_camera();

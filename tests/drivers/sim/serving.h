@@ -29,10 +29,11 @@ inline StereoCamera small_stereo_camera() {
 /// A server with a small camera, in a thread of its own.
 class Serving {
  public:
-  explicit Serving(int slots = 4) {
+  explicit Serving(int slots = 4, bool keep_serving = false) {
     ServerOptions options;
     options.socket = path();
     options.slots = slots;
+    options.keep_serving = keep_serving;
     options.first_pose = look_at({0.6, 0, 0.35}, {0, 0, 0.1});
     server_ = std::make_unique<Server>(camera_, options);
     thread_ = std::thread([this] { end_ = server_->run(); });
