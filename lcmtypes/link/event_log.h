@@ -98,6 +98,7 @@ class LogReader {
   /// The part that is being read.
   std::size_t part() const { return part_; }
   std::uint64_t offset() const { return file_.offset(); }
+  bool at_end_of_part() const { return file_.at_end(); }
   /// After `next` gave false: bytes at the log's end that are no whole event.
   std::uint64_t torn_bytes() const { return torn_bytes_; }
 
