@@ -1,10 +1,12 @@
 #include "offboard/log/log_cut.h"
 
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <limits>
-#include <regex>
 #include <vector>
+
+#include <regex.h>
 
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/message_bus.h"
@@ -33,13 +35,35 @@ std::int64_t in_log(const LogTime& time, std::int64_t first_utime) {
   return __builtin_add_overflow(first_utime, time.us, &sum) ? std::numeric_limits<std::int64_t>::max() : sum;
 }
 
-std::regex pattern_of(const std::string& text) {
-  try {
-    return std::regex(text.empty() ? ".*" : text);
-  } catch (const std::regex_error& error) {
-    throw InputError("--channels " + text + ": is no regular expression: " + error.what());
+/// A regular expression that a whole name has to fit.
+class NamePattern {
+ public:
+  explicit NamePattern(const std::string& text) : any_(text.empty()) {
+    if (any_) return;
+    compile(text, text);  // alone first: brackets must be closed within it
+    ::regfree(&pattern_);
+    compile("^(" + text + ")$", text);
   }
-}
+  ~NamePattern() {
+    if (!any_) ::regfree(&pattern_);
+  }
+  NamePattern(const NamePattern&) = delete;
+  NamePattern& operator=(const NamePattern&) = delete;
+
+  bool fits(const std::string& name) const { return any_ || ::regexec(&pattern_, name.c_str(), 0, nullptr, 0) == 0; }
+
+ private:
+  void compile(const std::string& pattern, const std::string& text) {
+    const int error = ::regcomp(&pattern_, pattern.c_str(), REG_EXTENDED | REG_NOSUB);
+    if (error == 0) return;
+    std::array<char, 100> fault{};
+    ::regerror(error, &pattern_, fault.data(), fault.size());
+    throw InputError("--channels " + text + ": is no regular expression: " + fault.data());
+  }
+
+  bool any_;
+  regex_t pattern_{};
+};
 
 std::filesystem::path folder_of(const std::filesystem::path& file) {
   return file.has_parent_path() ? file.parent_path() : ".";
@@ -91,7 +115,7 @@ std::optional<LogTime> parse_log_time(const std::string& text) {
 }
 
 CutResult cut_log(const std::filesystem::path& in, const std::filesystem::path& out, const CutOptions& options) {
-  const std::regex pattern = pattern_of(options.channels);
+  const NamePattern pattern(options.channels);
   CutResult result;
   PendingLog log(out);
   std::optional<std::int64_t> first_utime;
@@ -116,7 +140,7 @@ CutResult cut_log(const std::filesystem::path& in, const std::filesystem::path& 
         const bool is_config = event.channel == channel::kSessionConfig;
         if (event.utime < from && is_config) config = event;
         if (event.utime < from || event.utime >= to) return;
-        if (!is_config && !std::regex_match(event.channel, pattern)) return;
+        if (!is_config && !pattern.fits(event.channel)) return;
         if (config) keep(*std::exchange(config, std::nullopt));
         keep(event);
       },

@@ -19,7 +19,7 @@ std::optional<LogTime> parse_log_time(const std::string& text);
 struct CutOptions {
   std::optional<LogTime> from;  ///< events of this time and later
   std::optional<LogTime> to;    ///< events before this time
-  std::string channels;         ///< a regular expression (ECMAScript) that fits the whole name; empty: all
+  std::string channels;         ///< an extended regular expression that fits the whole name; empty: all
 };
 
 struct CutResult {
