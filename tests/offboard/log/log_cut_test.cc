@@ -1,5 +1,6 @@
 #include "offboard/log/log_cut.h"
 
+#include "offboard/replay.h"
 #include "tests/input_fault.h"
 #include "tests/offboard/log/log_folder.h"
 #include "tests/offboard/log/sample_log.h"
@@ -61,6 +62,13 @@ TEST_F(Cut, KeepsWhatIsWithinAndTheConfigurationBeforeIt) {
       EXPECT_EQ(kept[i].bytes, expected[i].bytes);
     }
   }
+}
+
+TEST_F(Cut, CanBeReplayed) {
+  cut_log(log_, folder_ / "out.lcm", times("1.0", "2.0"));
+  const LogContents contents = examine_log(folder_ / "out.lcm");
+  EXPECT_TRUE(contents.config);
+  EXPECT_EQ(contents.depth_maps, 2);  // logged after 1.1 s and 1.6 s
 }
 
 TEST_F(Cut, ChannelsAreChosenByTheirWholeName) {
