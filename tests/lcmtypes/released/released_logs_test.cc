@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <set>
 
@@ -125,6 +126,24 @@ TEST_P(ReleasedLogs, ConfigurationIsReadToTheSameValues) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ReleasedLogs, testing::ValuesIn(kReleased));
+
+TEST(ReleasedLogsFolder, TheNextOneWillHoldEveryChannel) {
+  const fs::path log = fs::path(testing::TempDir()) / "next_release.lcm";
+  ASSERT_EQ(std::system((WRITE_RELEASED_LOG " " + log.string()).c_str()), 0);
+  std::set<std::string_view> written, current;
+  LogReader reader(log);
+  for (LogEvent event; reader.next(&event);) {
+    const ChannelSchema* schema = find_channel(event.channel);
+    ASSERT_NE(schema, nullptr) << event.channel;
+    written.insert(schema->channel);
+    std::string why;
+    EXPECT_TRUE(MessageFields::read(*schema, event.bytes, &why)) << event.channel << " " << why;
+  }
+  for (const ChannelSchema& schema : known_channels()) {
+    if (schema.current()) current.insert(schema.channel);
+  }
+  EXPECT_EQ(written, current);
+}
 
 TEST(ReleasedLogsFolder, NoFileIsForgotten) {
   std::set<std::string> here, tested;

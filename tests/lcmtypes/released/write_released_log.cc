@@ -103,6 +103,27 @@ void write_log(const char* path) {
   goal.view_id = 3;
   set_pose(sample(1).T_world_camera, &goal);
   log.write(channel::kMotionGoal, goal);
+  command_t command{};
+  command.sender = kPlanner;
+  command.robot = kRobot;
+  command.counter = 1;
+  command.expires = kStart_us + 60'000'000;
+  command.payload = encode_message(goal);
+  command.size = static_cast<std::int32_t>(command.payload.size());
+  log.write(channel::kCommand, command);
+  status_t status{};
+  status.boot_id = kRobot;
+  status.name = {"depth_maps.acknowledged", "frames"};
+  status.value = {1, 250};
+  status.counters = 2;
+  log.write(channel::kStatus, status);
+  preview_t preview{};
+  preview.session = kRobot;
+  preview.width = 1;
+  preview.height = 1;
+  preview.jpeg = {0xFF, 0xD8, 0xFF, 0xD9};  // begin and end of an image: readers of logs do not look into it
+  preview.size = static_cast<std::int32_t>(preview.jpeg.size());
+  log.write(channel::kPreview, preview);
   state.planner = kPlanner;
   state.goal_id = 7;
   state.activity = 1;
