@@ -63,10 +63,16 @@ bool PlannerLink::step(PlannerEnd* end) {
   return robot_has_gone(end);
 }
 
+void PlannerLink::say_finished(const std::string& message) {
+  presence_.say_finished(message);
+  session_.log(channel::kStatus, encode_message(status_.current()));
+}
+
 void PlannerLink::on_depth_map(const depth_map_t& map) {
   if (session_.finished()) return;
   std::string why = "it answers another goal";
-  const bool wanted = !session_.planning() || (goal_set_ && map.goal_id == goal_.goal_id);
+  // A resumed session's goal counts before it has been sent again: the robot may have had its answer ready all along.
+  const bool wanted = !session_.planning() || (map.goal_id == goal_.goal_id && goal_.view_id == session_.goal()->id);
   if (wanted && session_.take(map, &why)) return;
   ++refused_maps_;
   if (refusals_.due()) spdlog::warn("depth map {} refused: {}", map.map_id, why);

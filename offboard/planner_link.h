@@ -52,7 +52,8 @@ class PlannerLink {
   /// last.
   bool step(PlannerEnd* end);
 
-  void say_finished(const std::string& message) { presence_.say_finished(message); }
+  /// The last words, to the robot; the last counters, to the log.
+  void say_finished(const std::string& message);
   void say_failed(const std::string& message) { presence_.say_failed(message); }
 
   /// Depth maps that were refused: of a goal that is not the current one, or not valid.

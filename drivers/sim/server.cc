@@ -132,6 +132,7 @@ class Server::Implementation {
     if (greeted_) waiting_since_ = SteadyClock::now();
     greeted_ = capture_wanted_ = false;
     std::fill(slot_sequence_.begin(), slot_sequence_.end(), 0);  // nobody holds a frame any more
+    pose_id_ = 0;                                                // the next client counts anew
   }
 
   void greet(std::span<const std::byte> datagram) {

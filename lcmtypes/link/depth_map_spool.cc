@@ -52,17 +52,12 @@ DepthMapSpool::DepthMapSpool(DepthMapSpoolOptions options) : options_(std::move(
   fs::create_directories(options_.folder, error);
   if (error) throw InputError(options_.folder.string() + ": can't be made: " + error.message());
   const fs::path lock = options_.folder / "lock";
-  lock_ = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (lock_ < 0) throw InputError(lock.string() + ": can't be made: " + std::strerror(errno));
-  if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
-    ::close(lock_);
+  lock_ = FileDescriptor(::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!lock_.valid()) throw InputError(lock.string() + ": can't be made: " + std::strerror(errno));
+  if (::flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) {
     throw InputError(options_.folder.string() + ": another program uses this spool; give another folder");
   }
   take_over_folder();
-}
-
-DepthMapSpool::~DepthMapSpool() {
-  if (lock_ >= 0) ::close(lock_);
 }
 
 void DepthMapSpool::take_over_folder() {

@@ -8,6 +8,7 @@
 
 #include <vantage/depth_map_t.hpp>
 
+#include "calib/files/file_descriptor.h"
 #include "lcmtypes/link/digest.h"
 
 namespace vantage {
@@ -32,7 +33,6 @@ class DepthMapSpool {
   /// Takes over what an earlier start left in the folder; files that are no depth maps are counted, and stay.
   /// \throws InputError when the folder can't be made or read, or another program uses it.
   explicit DepthMapSpool(DepthMapSpoolOptions options = {});
-  ~DepthMapSpool();
   DepthMapSpool(const DepthMapSpool&) = delete;
   DepthMapSpool& operator=(const DepthMapSpool&) = delete;
 
@@ -58,7 +58,7 @@ class DepthMapSpool {
   std::deque<Entry> entries_;
   std::uint64_t bytes_ = 0, next_file_ = 1;
   std::uint64_t given_up_ = 0, taken_over_ = 0, unreadable_ = 0;
-  int lock_ = -1;  // descriptor of the folder's lock file
+  FileDescriptor lock_;  // the folder's lock file
 };
 
 }  // namespace vantage

@@ -4,10 +4,12 @@
 #include <string>
 
 #include "lcmtypes/link/message_bus.h"
+#include "lcmtypes/link/udp_group_receiver.h"
 
 namespace vantage {
 
-/// The bus between computers: LCM over UDP multicast.
+/// The bus between computers: LCM over UDP multicast. Programs of liblcm hear it and are heard; messages have at most
+/// 65,000 bytes, so that each is one datagram.
 class LcmBus final : public MessageBus {
  public:
   /// Stays on this machine (TTL 0) with a receive buffer of 4 MiB, where the kernel grants it.
@@ -25,6 +27,9 @@ class LcmBus final : public MessageBus {
   void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
   void subscribe(std::string_view channel, Handler handler) override;
   bool handle(std::chrono::milliseconds timeout) override;
+
+  /// What came over UDP, and what of it went no further.
+  UdpGroupReceiver::Counters counters() const;
 
  private:
   struct Impl;

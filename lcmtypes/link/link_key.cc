@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "calib/files/file_descriptor.h"
 #include "calib/files/input_error.h"
 
 namespace vantage {
@@ -20,20 +21,6 @@ namespace {
 constexpr std::string_view kFileMark = "vantage-key-1 ";
 constexpr std::size_t kHexDigits = 2 * std::tuple_size_v<LinkKey>;
 constexpr std::size_t kFileBytes = kFileMark.size() + kHexDigits + 1;
-
-class OpenFile {
- public:
-  explicit OpenFile(int descriptor) : descriptor_(descriptor) {}
-  ~OpenFile() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  int get() const { return descriptor_; }
-
- private:
-  int descriptor_;
-};
 
 [[noreturn]] void fail(const std::filesystem::path& path, const std::string& fault) {
   throw InputError(path.string() + ": " + fault);
@@ -49,7 +36,7 @@ LinkKey make_link_key() {
 }
 
 LinkKey read_link_key(const std::filesystem::path& path) {
-  const OpenFile file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  const FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0) {
     fail(path, std::string("can't read the key: ") + std::strerror(errno) + "; vantage-keygen makes one");
   }
@@ -78,7 +65,7 @@ void write_link_key(const std::filesystem::path& path, const LinkKey& key) {
   sodium_bin2hex(hex.data(), hex.size(), key.data(), key.size());
   hex.back() = '\n';
   const std::string text = std::string(kFileMark) + hex;
-  const OpenFile file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (file.get() < 0) {
     fail(path, errno == EEXIST ? "exists already, and a lost key can't be had again: give another name"
                                : std::string("can't be made: ") + std::strerror(errno));

@@ -18,8 +18,10 @@ NetworkLink::NetworkLink(const NetworkOptions& options) : lcm_(options.url) {
 }
 
 Status::Counters NetworkLink::counters() const {
-  if (!sealed_) return {};
-  return {{"seals.refused", sealed_->refused()}};
+  const UdpGroupReceiver::Counters datagrams = lcm_.counters();
+  return {{"datagrams.accepted", datagrams.accepted},       {"datagrams.foreign", datagrams.foreign},
+          {"datagrams.fragments", datagrams.fragments},     {"datagrams.queue_full", datagrams.queue_full},
+          {"datagrams.socket_full", datagrams.socket_full}, {"seals.refused", sealed_ ? sealed_->refused() : 0}};
 }
 
 }  // namespace vantage

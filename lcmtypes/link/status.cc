@@ -1,7 +1,5 @@
 #include "lcmtypes/link/status.h"
 
-#include <vantage/status_t.hpp>
-
 namespace vantage {
 namespace {
 
@@ -22,17 +20,21 @@ void Status::step() {
   const std::chrono::nanoseconds now = clock_.monotonic();
   if (now - last_sent_ < kPeriod) return;
   last_sent_ = now;
+  publish_message(bus_, channel::kStatus, current());
+}
+
+status_t Status::current() const {
   status_t status;
   status.utime = clock_.utime();
   status.boot_id = boot_id_;
   status.role = static_cast<std::int8_t>(role_);
-  status.uptime = std::chrono::duration_cast<std::chrono::microseconds>(now - start_).count();
+  status.uptime = std::chrono::duration_cast<std::chrono::microseconds>(clock_.monotonic() - start_).count();
   for (auto& [name, value] : collect_()) {
     status.name.push_back(std::move(name));
     status.value.push_back(value);
   }
   status.counters = static_cast<std::int32_t>(status.name.size());
-  publish_message(bus_, channel::kStatus, status);
+  return status;
 }
 
 void add_decode_counters(const std::string& prefix, const DecodeCounters& counters, Status::Counters* all) {

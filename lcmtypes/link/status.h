@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include <vantage/status_t.hpp>
+
 #include "lcmtypes/link/clock.h"
 #include "lcmtypes/link/message_bus.h"
 #include "lcmtypes/link/presence.h"
@@ -22,6 +24,8 @@ class Status {
 
   /// Sends the status when it is due. Call it often.
   void step();
+  /// What would be sent now.
+  status_t current() const;
 
  private:
   MessageBus& bus_;

@@ -60,8 +60,15 @@ TEST(Server, MayServeTheNextClientAfterALostOne) {
     RawPeer client(serving.path());
     ASSERT_TRUE(client.greet());
     client.say(make_message<Capture>());
-    ASSERT_TRUE(client.hear<Captured>());  // and goes with the only slot in its hands
-    client.close();
+    const std::optional<Captured> captured = client.hear<Captured>();
+    ASSERT_TRUE(captured);
+    EXPECT_EQ(captured->pose_id, 0u);  // this client has set none
+    auto pose = make_message<SetPose>();
+    pose.pose_id = 7;
+    write_pose(Eigen::Isometry3d::Identity(), &pose.T_world_camera);
+    client.say(pose);
+    ASSERT_TRUE(client.hear<PoseSet>());
+    client.close();  // and goes with the only slot in its hands
   }
   RawPeer last(serving.path());
   ASSERT_TRUE(last.greet());
