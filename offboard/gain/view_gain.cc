@@ -23,12 +23,16 @@ ViewGain gain_of_sums(const RaySums& sums, double mark_step_m, const CombinedWei
     set(Formulation::kAreaFactor, area_factor(static_cast<double>(sums.ends_occupied) / rays, 0.2) +
                                       area_factor(static_cast<double>(sums.ends_occplane) / rays, 0.8));  // Eq. 18
   }
+  set(Formulation::kCombined, combined_gain(gain, weights));
+  return gain;
+}
+
+double combined_gain(const ViewGain& gain, const CombinedWeights& weights) {
   double combined = 0;  // Eq. 10
   for (const Formulation f : kAllFormulations) {
     if (f != Formulation::kCombined) combined += weights[f] * gain[f];
   }
-  set(Formulation::kCombined, combined);
-  return gain;
+  return combined;
 }
 
 bool GainOptions::valid(std::string* why) const {

@@ -28,6 +28,9 @@ struct ViewGain {
 /// The formulations' values from a view's sums. `mark_step_m` as of the map.
 ViewGain gain_of_sums(const RaySums& sums, double mark_step_m, const CombinedWeights& weights);
 
+/// Eq. 10 over a view's other gains, as gain_of_sums adds them up: to the bit.
+double combined_gain(const ViewGain& gain, const CombinedWeights& weights);
+
 struct GainOptions {
   CombinedWeights weights;
   int threads = 1;
