@@ -1,6 +1,8 @@
 #include "offboard/experiment/expected_view.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <utility>
 
 #include "offboard/mapping/ray_walk.h"
@@ -16,53 +18,58 @@ std::size_t index_of(const Region& region, const Eigen::Vector3i& voxel) {
 }  // namespace
 
 ExpectedViews::ExpectedViews(const OccupancyMap& map, const ExpectedViewOptions& options)
-    : region_(map.region()), options_(options) {
-  const auto voxels = static_cast<std::size_t>(region_.voxel_count());
-  kind_.assign(voxels, kUnknown);
-  prior_.assign(voxels, 0);
-  sight_.assign(voxels, 0);
-  const double d_max = map.sensor_model().occlusion_range_m;
-  for (std::size_t b = 0; b < map.brick_count(); ++b) {
-    const Eigen::Vector3i position = map.brick_position(b), extent = map.brick_extent(position);
-    const OccupancyMap::Brick* dense = map.dense(b);
-    for (int z = 0; z < extent.z(); ++z) {
-      for (int y = 0; y < extent.y(); ++y) {
-        for (int x = 0; x < extent.x(); ++x) {
-          const std::size_t in_brick = OccupancyMap::index_in_brick({x, y, z});
-          const Eigen::Vector3i voxel = OccupancyMap::kBrickEdge * position + Eigen::Vector3i(x, y, z);
-          const std::size_t i = index_of(region_, voxel);
-          const VoxelState state = map.levels().state(dense == nullptr ? map.uniform_level(b) : dense->level[in_brick]);
-          kind_[i] = state == VoxelState::kFree ? kFree : state == VoxelState::kOccupied ? kOccupied : kUnknown;
-          if (kind_[i] != kUnknown || dense == nullptr || dense->mark[in_brick] == 0) continue;
-          const double distance_m = (dense->mark[in_brick] - 1) * map.mark_step_m();
-          prior_[i] = static_cast<float>(1 - distance_m / d_max);
-        }
-      }
-    }
-  }
+    : region_(map.region()),
+      options_(options),
+      surface_(map),
+      prior_(surface_.probability()),
+      sight_(static_cast<std::size_t>(region_.voxel_count())) {}
+
+void ExpectedViews::lessen(std::span<const float> left) {
+  for (std::size_t i = 0; i < prior_.size(); ++i) prior_[i] *= left[i];
+}
+
+/// `camera`: its position, in voxels.
+double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& camera) const {
+  const std::array<std::int8_t, 3>& facing = surface_.facing()[voxel];
+  if (facing == std::array<std::int8_t, 3>{}) return options_.detected_unknown;
+  const auto width = static_cast<std::size_t>(region_.size_voxels.x()),
+             depth = static_cast<std::size_t>(region_.size_voxels.y());
+  const Eigen::Vector3d centre =
+      Eigen::Matrix<std::size_t, 3, 1>(voxel % width, voxel / width % depth, voxel / width / depth)
+          .cast<double>()
+          .array() +
+      0.5;
+  const double cosine =
+      Eigen::Vector3d(facing[0], facing[1], facing[2]).dot((camera - centre).normalized()) / SurfacePrior::kFacingUnit;
+  const double slant = 1 - std::clamp(cosine, 0.0, 1.0);
+  return std::max(options_.detected_averted, options_.detected_facing * (1 - std::pow(slant, options_.slant_exponent)));
 }
 
 std::vector<ExpectedVoxel> ExpectedViews::see(const RayBundle& rays, const Eigen::Isometry3d& T_world_camera) {
-  const Eigen::Vector3d start = region_.to_voxels(T_world_camera.translation());
-  const auto transparency = static_cast<float>(options_.transparency);
+  const Eigen::Vector3d camera = region_.to_voxels(T_world_camera.translation());
   const auto least = static_cast<float>(options_.least_sight);
+  const auto opacity = static_cast<float>(options_.opacity);
   std::vector<ExpectedVoxel> seen;
   for (const Eigen::Vector3d& ray : rays.directions()) {
     float sight = 1;
-    walk_ray(start, T_world_camera.linear() * ray, region_.size_voxels,
+    walk_ray(camera, T_world_camera.linear() * ray, region_.size_voxels,
              [&](const Eigen::Vector3i& voxel, double, double) {
                const std::size_t i = index_of(region_, voxel);
-               if (kind_[i] == kFree) return true;
-               if (kind_[i] == kOccupied) return false;
-               if (prior_[i] > 0) {
+               const std::uint8_t kind = surface_.kind()[i];
+               if (kind == SurfacePrior::kFree) return true;
+               if (kind == SurfacePrior::kSolid) return false;
+               const float probability = surface_.probability()[i];
+               if (probability > 0) {
                  if (sight_[i] == 0) seen.push_back({static_cast<std::uint32_t>(i), 0});
                  sight_[i] = std::max(sight_[i], sight);
                }
-               sight *= transparency;
+               sight *= 1 - opacity * probability;
                return sight >= least;
              });
   }
-  for (ExpectedVoxel& voxel : seen) voxel.probability = std::exchange(sight_[voxel.voxel], 0.0F);
+  for (ExpectedVoxel& voxel : seen) {
+    voxel.probability = std::exchange(sight_[voxel.voxel], 0.0F) * static_cast<float>(detected(voxel.voxel, camera));
+  }
   return seen;
 }
 

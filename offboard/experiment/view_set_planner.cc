@@ -1,6 +1,7 @@
 #include "offboard/experiment/view_set_planner.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <queue>
 
@@ -8,7 +9,7 @@ namespace vantage {
 namespace {
 
 /// The best order of the views in `set` by ViewSetPlanner's measure; at least one view.
-std::vector<std::size_t> best_tour(const Choice& choice, std::vector<std::size_t> set, double largest_gain,
+std::vector<std::size_t> best_tour(const Choice& choice, std::vector<std::size_t> set, double reference,
                                    const ViewSetOptions& options, SetCover* cover) {
   std::sort(set.begin(), set.end());
   std::vector<std::size_t> best = set;
@@ -19,7 +20,7 @@ std::vector<std::size_t> best_tour(const Choice& choice, std::vector<std::size_t
     Eigen::Vector3d at = choice.position;
     for (const std::size_t view : set) {
       const Eigen::Vector3d position = choice.open[view].T_world_camera.translation();
-      worth += discount * (cover->gain(view) / largest_gain - options.way_weight_per_m * (position - at).norm());
+      worth += discount * (cover->gain(view) / reference - options.way_weight_per_m * (position - at).norm());
       cover->take(view);
       at = position;
       discount *= options.discount;
@@ -94,6 +95,8 @@ std::vector<std::size_t> SetCover::take_greedily(std::size_t count, double least
 
 std::size_t ViewSetPlanner::choose(const Choice& choice) {
   ExpectedViews expected(choice.map, options_.expected);
+  if (left_.empty()) left_.assign(expected.prior().size(), 1);
+  expected.lessen(left_);
   const RayBundle rays(choice.camera, options_.ray_columns, options_.ray_rows);
   std::vector<std::vector<ExpectedVoxel>> views;
   for (const CandidateView& view : choice.open) views.push_back(expected.see(rays, view.T_world_camera));
@@ -102,7 +105,11 @@ std::size_t ViewSetPlanner::choose(const Choice& choice) {
   if (set.empty()) return nearest(choice);  // nothing more to see
   cover.clear();
   const double largest_gain = cover.gain(set.front());
-  return best_tour(choice, set, largest_gain, options_, &cover).front();
+  if (first_gain_ == 0) first_gain_ = largest_gain;
+  const double reference = std::pow(first_gain_, options_.hold) * std::pow(largest_gain, 1 - options_.hold);
+  const std::size_t chosen = best_tour(choice, set, reference, options_, &cover).front();
+  for (const ExpectedVoxel& seen : views[chosen]) left_[seen.voxel] *= 1 - seen.probability;
+  return chosen;
 }
 
 }  // namespace vantage

@@ -38,10 +38,12 @@ class SetCover {
 };
 
 struct ViewSetOptions {
-  std::size_t set_size = 5;        ///< views planned ahead, [1, 8]: every order of them is tried
-  double least_share = 0.02;       ///< of the first view's gain: the set ends before a view that adds less
-  double discount = 0.7;           ///< of a view's worth for each view before it
-  double way_weight_per_m = 0.18;  ///< worth of the largest gain of a view, for each metre of way
+  std::size_t set_size = 5;       ///< views planned ahead, [1, 8]: every order of them is tried
+  double least_share = 0.02;      ///< of the first view's gain: the set ends before a view that adds less
+  double discount = 0.7;          ///< of a view's worth for each view before it
+  double way_weight_per_m = 0.1;  ///< worth of the reference gain, for each metre of way
+  double hold = 0.5;  ///< [0, 1]: the reference is the run's first largest gain to this power, times the present one's
+                      ///< to the rest: 0 moves as readily for little at the end as for much at the beginning
   int ray_columns = 80, ray_rows = 60;
   ExpectedViewOptions expected;
 };
@@ -49,9 +51,11 @@ struct ViewSetOptions {
 /// Looks further than one view: plans the next views as a set with a tour through it, goes to the tour's first view,
 /// and plans again with what was seen there.
 ///
-/// Among all orders of the greedy set it takes the one with the largest  sum over i of discount^i (gain_i / gain_max -
+/// Among all orders of the greedy set it takes the one with the largest  sum over i of discount^i (gain_i / reference -
 /// way_weight * length_i),  gain_i what the i-th view adds to those before it, length_i the way to it: a short tour,
-/// and what is worth most first. Deterministic; ties go to the order that comes first by view id.
+/// and what is worth most first. What a view that was taken should have measured and did not, another will hardly
+/// measure either: its prior is lessened by the probability that the view saw it. Deterministic; ties go to the order
+/// that comes first by view id. For one run: it keeps what was seen.
 class ViewSetPlanner : public ViewChooser {
  public:
   explicit ViewSetPlanner(const ViewSetOptions& options = {}) : options_(options) {}
@@ -59,6 +63,8 @@ class ViewSetPlanner : public ViewChooser {
 
  private:
   ViewSetOptions options_;
+  std::vector<float> left_;  // by voxel: the probability that no view taken would have measured it
+  double first_gain_ = 0;
 };
 
 }  // namespace vantage
