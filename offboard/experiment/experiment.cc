@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <chrono>
 #include <exception>
 #include <mutex>
 #include <ostream>
@@ -11,41 +10,18 @@
 #include <fmt/format.h>
 
 #include "calib/files/input_error.h"
+#include "offboard/experiment/progress.h"
 
 namespace vantage {
 namespace {
 
-std::string minutes(double seconds) {
-  const auto whole = static_cast<std::int64_t>(seconds + 0.5);
-  return fmt::format("{}:{:02}", whole / 60, whole % 60);
-}
-
-/// Tells how far the work is. The unit is what one depth map costs to make; a run costs about as much as kRunCost.
-class Progress {
- public:
-  Progress(double total, std::ostream& terminal) : total_(total), terminal_(terminal) {}
-
-  void add(double work) { done_ += work; }
-  void say(const std::string& line) {
-    const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
-    const double left_s = done_ == 0 ? 0 : elapsed_s * std::max(0.0, total_ - done_) / done_;
-    terminal_ << line << "; " << minutes(left_s) << " left" << std::endl;
-  }
-
- private:
-  double total_, done_ = 0;
-  std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
-  std::ostream& terminal_;
-};
-constexpr double kRunCost = 5;
-
 /// Runs on one scene, several at a time.
 bool run_scene(const SceneViews& scene, const std::vector<RunKey>& keys, const ExperimentOptions& options, int threads,
-               const RunStore& store, const std::atomic<bool>& stop, Progress* progress) {
+               const RunStore& store, const std::atomic<bool>& stop, Progress* progress, std::ostream& terminal) {
   const std::optional<SceneTruth> truth = measure_scene(scene, options, stop);
   if (!truth) return false;
   std::atomic<std::size_t> next = 0;
-  std::mutex mutex;  // guards failure, finished and *progress
+  std::mutex mutex;  // guards failure, finished, *progress and terminal
   std::exception_ptr failure;
   std::size_t finished = 0;
   const auto work = [&] {
@@ -56,11 +32,12 @@ bool run_scene(const SceneViews& scene, const std::vector<RunKey>& keys, const E
         store.write(*run);
         const std::lock_guard lock(mutex);
         ++finished;
-        progress->add(kRunCost);
-        progress->say(
-            fmt::format("{} seed {} {}: coverage {:.3f} after {} views, {:.3f} over views 2-12, path {:.2f} m",
+        progress->run_made();
+        terminal << fmt::format(
+                        "{} seed {} {}: coverage {:.3f} after {} views, {:.3f} over views 2-12, path {:.2f} m; {}",
                         run->object, run->seed, run->method, run->steps.back().coverage, run->steps.size(),
-                        area_2_12(*run), run->steps.back().motion_m));
+                        area_2_12(*run), run->steps.back().motion_m, progress->text())
+                 << std::endl;
       }
     } catch (...) {
       const std::lock_guard lock(mutex);
@@ -130,25 +107,28 @@ bool run_experiment(const std::vector<ExperimentObject>& objects, const std::vec
   }
   if (open < runs.size()) terminal << runs.size() - open << " of " << runs.size() << " runs are finished" << std::endl;
 
-  const std::vector<CandidateView> candidates = cylinder_views();
-  double work = kRunCost * static_cast<double>(open);
+  const std::vector<CandidateView> candidates = candidates_of(options);
+  std::size_t views_missing = 0;
   for (const Scene& scene : scenes) {
     const SceneViews views(*scene.object, candidates, scene.seed, store.views_of(scene.object->name, scene.seed));
-    work += static_cast<double>(views.files_missing());
+    views_missing += views.files_missing();
   }
-  Progress progress(work, terminal);
+  const SystemClock clock;
+  Progress progress(clock, static_cast<int>(views_missing), static_cast<int>(open));
   bool whole = true;
   for (const Scene& scene : scenes) {
     if (stop) return false;
     SceneViews scene_views(*scene.object, candidates, scene.seed, store.views_of(scene.object->name, scene.seed));
     int told = 0;
     const bool ready = scene_views.prepare(threads, stop, [&](int done, int missing) {
-      progress.add(1);
+      progress.view_made();
       if (done < missing && done - told < 12) return;
       told = done;
-      progress.say(fmt::format("{} seed {}: {} of {} views", scene.object->name, scene.seed, done, missing));
+      terminal << fmt::format("{} seed {}: {} of {} views; {}", scene.object->name, scene.seed, done, missing,
+                              progress.text())
+               << std::endl;
     });
-    whole = ready && run_scene(scene_views, scene.runs, options, threads, store, stop, &progress);
+    whole = ready && run_scene(scene_views, scene.runs, options, threads, store, stop, &progress, terminal);
     write_tables(store.folder(), store.read());
     if (!whole) return false;
   }

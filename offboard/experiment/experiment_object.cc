@@ -21,6 +21,8 @@ struct KnownModel {
 constexpr std::array<KnownModel, 3> kModels = {
     {{"teapot", "teapot.ply"}, {"bunny", "bunny.obj"}, {"dragon", "dragon.ply"}}};
 
+}  // namespace
+
 std::string digest_of_file(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   const std::vector<char> bytes{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
@@ -29,8 +31,6 @@ std::string digest_of_file(const std::filesystem::path& file) {
   for (std::size_t i = 0; i < 8; ++i) text += fmt::format("{:02x}", digest[i]);
   return text;
 }
-
-}  // namespace
 
 ExperimentObject load_object(const std::string& item, const std::filesystem::path& models) {
   ExperimentObject object;

@@ -16,6 +16,9 @@ struct ExperimentObject {
   sim::Mesh mesh;
 };
 
+/// First 16 hexadecimal digits of the digest of a file's bytes.
+std::string digest_of_file(const std::filesystem::path& file);
+
 /// `item`: teapot, bunny or dragon, which scripts/fetch-models puts into `models`; else a mesh file, whose object is
 /// called like the file without its ending. \throws InputError naming the item when it can't be used.
 ExperimentObject load_object(const std::string& item, const std::filesystem::path& models);

@@ -60,6 +60,19 @@ std::vector<std::uint64_t> covered_points(const std::vector<Eigen::Vector3f>& su
 
 }  // namespace
 
+std::vector<CandidateView> candidates_of(const ExperimentOptions& options) {
+  CylinderViewsOptions views;
+  views.radius_m = options.view_radius_m;
+  return cylinder_views(views);
+}
+
+SensorModel sensor_of(const ExperimentOptions& options) {
+  SensorModel sensor = SessionConfig().sensor;
+  sensor.clamp_min = options.clamp_min;
+  sensor.clamp_max = options.clamp_max;
+  return sensor;
+}
+
 std::optional<SceneTruth> measure_scene(const SceneViews& scene, const ExperimentOptions& options,
                                         const std::atomic<bool>& stop) {
   const SessionConfig session;  // region and cloud as vantage-offboard has them
@@ -83,10 +96,10 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
                                     const ExperimentOptions& options, const std::atomic<bool>& stop) {
   const SessionConfig session;
   MethodRun run{scene.object().name, method, scene.seed(), truth.reachable, {}};
-  Volume volume(session.region, session.sensor);
+  Volume volume(session.region, sensor_of(options));
   SurfaceCloud cloud(session.region, session.cloud);
   SurfaceCoverage coverage(truth.surface, options.coverage_distance_m);
-  const std::unique_ptr<ViewChooser> chooser = make_chooser(method, scene.seed(), truth.by_view, options.cost_weight);
+  const std::unique_ptr<ViewChooser> chooser = make_chooser(method, scene.seed(), truth.by_view, options.choosing);
   std::vector<CandidateView> open = scene.candidates();
   std::vector<std::int64_t> visited;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();

@@ -13,11 +13,19 @@ namespace vantage {
 
 /// What is compared, and how; the paper's numbers (paper.md, Section IV-A).
 struct ExperimentOptions {
-  int views = 20;                      ///< of a run, the first included
-  double cost_weight = 1;              ///< of Eq. 11, for the paper's methods (view_chooser.h)
-  double coverage_distance_m = 0.008;  ///< Eq. 14
+  int views = 20;  ///< of a run, the first included
+  ChooserOptions choosing;
+  double clamp_min = 0.03, clamp_max = 0.97;  ///< of the map's probabilities (sensor_model.h)
+  double view_radius_m = 0.6;                 ///< of the cylinder and half-sphere of candidates
+  double coverage_distance_m = 0.008;         ///< Eq. 14
   std::size_t truth_points = 50'000;
 };
+
+/// The paper's 48 candidates, at the options' radius.
+std::vector<CandidateView> candidates_of(const ExperimentOptions& options);
+
+/// The session's sensor model with the options' clamping.
+SensorModel sensor_of(const ExperimentOptions& options);
 
 /// Measures after one more view.
 struct MethodStep {

@@ -20,7 +20,7 @@ struct Pen {
 };
 
 /// By place in method_names(): the paper's in colours, what they are measured by in grey and black, ours bold.
-constexpr std::array<Pen, 12> kPens = {{{"#1f77b4", 1.5, false},
+constexpr std::array<Pen, 14> kPens = {{{"#1f77b4", 1.5, false},
                                         {"#17becf", 1.5, false},
                                         {"#2ca02c", 1.5, false},
                                         {"#9acd32", 1.5, false},
@@ -31,7 +31,9 @@ constexpr std::array<Pen, 12> kPens = {{{"#1f77b4", 1.5, false},
                                         {"#888888", 1.5, true},
                                         {"#bbbbbb", 1.5, true},
                                         {"#000000", 1.8, true},
-                                        {"#d62728", 3.0, false}}};
+                                        {"#d62728", 3.0, false},
+                                        {"#4b2e83", 2.0, true},
+                                        {"#b39ddb", 2.0, true}}};
 
 struct Measure {
   const char* name;  // of the file
@@ -110,6 +112,13 @@ std::string verdict_list(const std::vector<Verdict>& verdicts) {
   return html + "</ul>\n";
 }
 
+/// "0.845 ± 0.012": the mean and its interval at 95 %, where there is one.
+std::string with_interval(const MeanInterval& interval, int digits) {
+  std::string text = fmt::format("{:.{}f}", interval.mean, digits);
+  if (interval.half_width) text += fmt::format(" &plusmn; {:.{}f}", *interval.half_width, digits);
+  return text;
+}
+
 std::string means_table(const std::vector<MethodRun>& runs, const std::string& object) {
   std::string html =
       "<table><tr><th>method</th><th>area, views 2&ndash;12</th><th>least &ndash; largest</th><th>coverage at the "
@@ -120,9 +129,10 @@ std::string means_table(const std::vector<MethodRun>& runs, const std::string& o
                    [](const MethodMeans& a, const MethodMeans& b) { return a.area_2_12 > b.area_2_12; });
   for (const MethodMeans& m : means) {
     html += fmt::format(
-        "<tr><td>{}</td><td>{:.3f}</td><td>{:.3f} &ndash; {:.3f}</td><td>{:.3f}</td><td>{:.0f}</td><td>{:.2f}</td>"
+        "<tr><td>{}</td><td>{}</td><td>{:.3f} &ndash; {:.3f}</td><td>{}</td><td>{:.0f}</td><td>{}</td>"
         "<td>{}</td></tr>\n",
-        escaped(m.method), m.area_2_12, m.area_low, m.area_high, m.coverage_final, m.entropy_2_12, m.motion_m, m.seeds);
+        escaped(m.method), with_interval(m.area_interval, 3), m.area_interval.least, m.area_interval.largest,
+        with_interval(m.coverage_interval, 3), m.entropy_2_12, with_interval(m.motion_interval, 2), m.seeds);
   }
   return html + "</table>\n";
 }
@@ -134,6 +144,25 @@ constexpr const char* kHead =
     "text-align:right}\ntd:first-child,th:first-child{text-align:left}\n"
     ".plots{display:flex;flex-wrap:wrap;gap:8px}.verdicts{list-style:none;padding:0}.verdicts li{padding:2px 0}\n"
     ".yes b{color:#187a2f}.no b{color:#b3261e}\n</style></head><body>\n";
+
+void write_means(const std::filesystem::path& folder, const std::vector<MethodRun>& runs,
+                 const std::vector<std::string>& objects) {
+  AtomicFile file(folder / "means.csv");
+  file.stream() << "object,method,seeds,area_2_12,area_ci95,area_least,area_largest,coverage_final,coverage_ci95,"
+                   "motion_m,motion_ci95,reachable\n";
+  const auto half = [](const MeanInterval& interval) {
+    return interval.half_width ? fmt::format("{}", *interval.half_width) : std::string();
+  };
+  for (const std::string& object : objects) {
+    for (const MethodMeans& m : means_of(runs, object)) {
+      file.stream() << fmt::format("{},{},{},{},{},{},{},{},{},{},{},{}\n", object, m.method, m.seeds, m.area_2_12,
+                                   half(m.area_interval), m.area_interval.least, m.area_interval.largest,
+                                   m.coverage_final, half(m.coverage_interval), m.motion_m, half(m.motion_interval),
+                                   m.reachable);
+    }
+  }
+  file.commit();
+}
 
 }  // namespace
 
@@ -147,11 +176,16 @@ void write_report(const RunStore& store, const std::vector<MethodRun>& runs) {
       objects.push_back(object.name);
     }
   }
+  const StoreSettings& settings = store.settings();
+  write_means(store.folder(), runs, objects);
   std::string html = kHead;
   html += fmt::format(
-      "<h1>Ways to choose the next view</h1>\n<p>{} runs of {} views, cost weight {}. Curves are means over the seeds "
-      "(noise, texture, first view); bands go from the least to the largest.</p>\n",
-      runs.size(), store.settings().views, store.settings().cost_weight);
+      "<h1>Ways to choose the next view</h1>\n<p>{} runs of {} views, cost weight {}, {} x {} rays, clamped to [{}, "
+      "{}], "
+      "views at {} m. Curves are means over the seeds (noise, texture, first view); bands go from the least to the "
+      "largest. &plusmn; is the confidence interval of the mean at 95 % (Student's t over the seeds).</p>\n",
+      runs.size(), settings.views, settings.cost_weight, settings.ray_columns, settings.ray_rows, settings.clamp_min,
+      settings.clamp_max, settings.view_radius_m);
   html += "<h2>Held against the paper's statements, and ours</h2>\n" + verdict_list(judge_statements(runs, objects));
   for (const std::string& object : objects) {
     html += "<h2>" + escaped(object) + "</h2>\n" + means_table(runs, object) + "<div class=\"plots\">\n";

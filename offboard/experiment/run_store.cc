@@ -32,37 +32,58 @@ bool parse(const std::string& text, Number* number) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
+/// All that runs of a folder have in common but the objects, as settings.txt has it: name and value a line.
+std::vector<std::array<std::string, 2>> shared_values(const StoreSettings& s) {
+  return {{"views", fmt::format("{}", s.views)},
+          {"cost_weight", fmt::format("{}", s.cost_weight)},
+          {"rays", fmt::format("{}x{}", s.ray_columns, s.ray_rows)},
+          {"clamp", fmt::format("{},{}", s.clamp_min, s.clamp_max)},
+          {"view_radius", fmt::format("{}", s.view_radius_m)},
+          {"weights", s.weights}};
+}
+
+/// "80x60", "0.03,0.97".
+template <typename Number>
+bool parse_two(const std::string& text, char separator, Number* first, Number* second) {
+  const std::vector<std::string> parts = split(text, separator);
+  return parts.size() == 2 && parse(parts[0], first) && parse(parts[1], second);
+}
+
+/// Takes a line of settings.txt; false when it is none.
+bool take_setting(const std::vector<std::string>& words, StoreSettings* s) {
+  if (words.size() == 3 && words[0] == "object") {
+    s->objects.push_back({words[1], words[2]});
+    return true;
+  }
+  if (words.size() != 2) return false;
+  const std::string &name = words[0], &value = words[1];
+  if (name == "views") return parse(value, &s->views);
+  if (name == "cost_weight") return parse(value, &s->cost_weight);
+  if (name == "rays") return parse_two(value, 'x', &s->ray_columns, &s->ray_rows);
+  if (name == "clamp") return parse_two(value, ',', &s->clamp_min, &s->clamp_max);
+  if (name == "view_radius") return parse(value, &s->view_radius_m);
+  if (name == "weights") return s->weights = value, true;
+  return false;
+}
+
 StoreSettings read_settings(const std::filesystem::path& file) {
   std::ifstream stream(file);
   if (!stream) throw InputError(file.parent_path().string() + ": holds no experiment (no " + kSettingsFile + ")");
-  StoreSettings settings;
+  StoreSettings settings;  // what an older version did not write had the value that is now the default
   std::string line;
   bool good = static_cast<bool>(std::getline(stream, line)) && line == "vantage-experiment 1";
-  while (good && std::getline(stream, line)) {
-    const std::vector<std::string> words = split(line, ' ');
-    if (words.size() == 2 && words[0] == "views") {
-      good = parse(words[1], &settings.views);
-    } else if (words.size() == 2 && words[0] == "cost_weight") {
-      good = parse(words[1], &settings.cost_weight);
-    } else if (words.size() == 3 && words[0] == "object") {
-      settings.objects.push_back({words[1], words[2]});
-    } else {
-      good = false;
-    }
-  }
+  while (good && std::getline(stream, line)) good = take_setting(split(line, ' '), &settings);
   if (!good) throw InputError(file.string() + ": not written by this version of vantage-experiment; use another --out");
   return settings;
 }
 
 /// Adds the objects of `more`. \throws InputError, which starts with `where`, when they contradict.
 void add_settings(const std::string& where, const StoreSettings& more, StoreSettings* settings) {
-  if (more.views != settings->views) {
-    throw InputError(fmt::format("{}: runs of {} views can't stand beside runs of {}; use another folder", where,
-                                 more.views, settings->views));
-  }
-  if (more.cost_weight != settings->cost_weight) {
-    throw InputError(fmt::format("{}: runs with cost weight {} can't stand beside runs with {}; use another folder",
-                                 where, more.cost_weight, settings->cost_weight));
+  const auto ours = shared_values(*settings), theirs = shared_values(more);
+  for (std::size_t i = 0; i < ours.size(); ++i) {
+    if (ours[i][1] == theirs[i][1]) continue;
+    throw InputError(fmt::format("{}: runs with {} {} can't stand beside runs with {}; use another folder", where,
+                                 ours[i][0], theirs[i][1], ours[i][1]));
   }
   for (const StoreSettings::Object& object : more.objects) {
     const auto same = std::find_if(settings->objects.begin(), settings->objects.end(),
@@ -111,7 +132,7 @@ bool same_steps(const MethodRun& a, const MethodRun& b) {
 }  // namespace
 
 RunStore::RunStore(std::filesystem::path folder, const StoreSettings& settings, StoreStart start)
-    : folder_(std::move(folder)), settings_(settings) {
+    : folder_(std::move(folder)), views_folder_(folder_ / "views"), settings_(settings) {
   const bool there = std::filesystem::exists(folder_ / kSettingsFile);
   if (there && start == StoreStart::kNew) {
     throw InputError(folder_.string() + ": holds an experiment; add --resume to go on, or --overwrite to replace it");
@@ -136,12 +157,12 @@ RunStore::RunStore(std::filesystem::path folder, const StoreSettings& settings, 
 }
 
 RunStore::RunStore(std::filesystem::path folder)
-    : folder_(std::move(folder)), settings_(read_settings(folder_ / kSettingsFile)) {}
+    : folder_(std::move(folder)), views_folder_(folder_ / "views"), settings_(read_settings(folder_ / kSettingsFile)) {}
 
 void RunStore::write_settings() const {
   AtomicFile file(folder_ / kSettingsFile);
-  file.stream() << "vantage-experiment 1\nviews " << settings_.views
-                << fmt::format("\ncost_weight {}\n", settings_.cost_weight);
+  file.stream() << "vantage-experiment 1\n";
+  for (const auto& [name, value] : shared_values(settings_)) file.stream() << name << ' ' << value << '\n';
   for (const StoreSettings::Object& object : settings_.objects) {
     file.stream() << "object " << object.name << ' ' << object.digest << '\n';
   }
@@ -151,8 +172,22 @@ void RunStore::write_settings() const {
 std::filesystem::path RunStore::views_of(const std::string& object_name, std::uint64_t seed) const {
   const auto object = std::find_if(settings_.objects.begin(), settings_.objects.end(),
                                    [&](const StoreSettings::Object& other) { return other.name == object_name; });
-  const std::string digest = object == settings_.objects.end() ? "" : object->digest;
-  return folder_ / "views" / fmt::format("{}-{}-seed{}", object_name, digest, seed);
+  return views_folder(views_folder_,
+                      object == settings_.objects.end() ? StoreSettings::Object{object_name, ""} : *object, seed,
+                      settings_.view_radius_m);
+}
+
+void RunStore::keep_views_in(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError(folder.string() + ": can't be made: " + error.message());
+  views_folder_ = folder;
+}
+
+std::filesystem::path views_folder(const std::filesystem::path& folder, const StoreSettings::Object& object,
+                                   std::uint64_t seed, double view_radius_m) {
+  const std::string radius = view_radius_m == StoreSettings().view_radius_m ? "" : fmt::format("-r{}", view_radius_m);
+  return folder / fmt::format("{}-{}{}-seed{}", object.name, object.digest, radius, seed);
 }
 
 std::filesystem::path RunStore::file_of(const RunKey& key) const {

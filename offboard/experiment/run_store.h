@@ -21,6 +21,10 @@ struct RunKey {
 struct StoreSettings {
   int views = 20;
   double cost_weight = 1;
+  int ray_columns = 80, ray_rows = 60;
+  double clamp_min = 0.03, clamp_max = 0.97;
+  double view_radius_m = 0.6;
+  std::string weights = "none";  ///< digest of the learned weights
   struct Object {
     std::string name, digest;
     bool operator==(const Object&) const = default;
@@ -34,7 +38,7 @@ enum class StoreStart { kNew, kResume, kOverwrite };
 ///
 ///     settings.txt   what all runs have in common
 ///     runs/          one file a run, each whole or not there: what was finished survives any end
-///     views/         packed depth maps by object and seed, made once; may be deleted
+///     views/         packed depth maps by object and seed, made once; may be deleted (elsewhere with keep_views_in)
 ///     steps.csv, timing.csv, summary.csv: the same runs as tables
 ///
 /// Several programs may add runs to one folder; a run that two of them make is there once.
@@ -49,7 +53,9 @@ class RunStore {
 
   const StoreSettings& settings() const { return settings_; }
   const std::filesystem::path& folder() const { return folder_; }
-  /// For the packed depth maps of an object with a seed.
+  /// Another folder for packed depth maps, which experiments can share. \throws InputError when it can't be made.
+  void keep_views_in(const std::filesystem::path& folder);
+  /// For the packed depth maps of an object with a seed, at the settings' radius.
   std::filesystem::path views_of(const std::string& object_name, std::uint64_t seed) const;
 
   bool holds(const RunKey& key) const;
@@ -62,9 +68,13 @@ class RunStore {
   std::filesystem::path file_of(const RunKey& key) const;
   void write_settings() const;
 
-  std::filesystem::path folder_;
+  std::filesystem::path folder_, views_folder_;
   StoreSettings settings_;
 };
+
+/// Where a folder of packed depth maps keeps those of an object with a seed.
+std::filesystem::path views_folder(const std::filesystem::path& folder, const StoreSettings::Object& object,
+                                   std::uint64_t seed, double view_radius_m);
 
 /// Tables of all runs in the store: steps.csv, timing.csv, summary.csv.
 void write_tables(const std::filesystem::path& folder, const std::vector<MethodRun>& runs);

@@ -92,37 +92,53 @@ void judge_view_set(const std::string& object, const std::vector<MethodMeans>& m
   }
 }
 
+/// Learned weights against the paper's, and the nearest object's against those of the whole training set.
+void judge_learned(const std::string& object, const std::vector<MethodMeans>& means, std::vector<Verdict>* verdicts) {
+  const auto compare = [&](const char* better, const char* than, const char* statement) {
+    const MethodMeans *a = find(means, better), *b = find(means, than);
+    if (a == nullptr || b == nullptr) return;
+    verdicts->push_back({statement, object, a->area_2_12 > b->area_2_12,
+                         fmt::format("{} {:.3f} on {:.2f} m, {} {:.3f} on {:.2f} m", better, a->area_2_12, a->motion_m,
+                                     than, b->area_2_12, b->motion_m)});
+  };
+  compare("combined_learned", "combined", "combined covers more over views 2-12 with learned weights than the paper's");
+  compare("combined_nearest", "combined_learned",
+          "the nearest training object's weights cover more over views 2-12 than those of the whole set");
+}
+
 }  // namespace
 
 std::vector<MethodMeans> means_of(const std::vector<MethodRun>& runs, const std::string& object) {
   std::vector<MethodMeans> all;
   for (const std::string& name : method_names()) {
-    MethodMeans means;
-    means.method = name;
+    std::vector<double> area, coverage, entropy, motion, reachable;
     for (const MethodRun& run : runs) {
       if (run.object != object || run.method != name) continue;
-      const double area = area_2_12(run);
-      means.area_low = means.seeds == 0 ? area : std::min(means.area_low, area);
-      means.area_high = std::max(means.area_high, area);
-      means.area_2_12 += area;
-      means.coverage_final += run.steps.back().coverage;
-      means.motion_m += run.steps.back().motion_m;
-      means.reachable += run.reachable;
-      double entropy = 0;
+      area.push_back(area_2_12(run));
+      coverage.push_back(run.steps.back().coverage);
+      motion.push_back(run.steps.back().motion_m);
+      reachable.push_back(run.reachable);
+      double sum = 0;
       int views = 0;
       for (const MethodStep& step : run.steps) {
         if (step.step < 2 || step.step > 12) continue;
-        entropy += step.entropy_nats;
+        sum += step.entropy_nats;
         ++views;
       }
-      if (views > 0) means.entropy_2_12 += entropy / views;
-      ++means.seeds;
+      entropy.push_back(views == 0 ? 0 : sum / views);
     }
-    if (means.seeds == 0) continue;
-    for (double* sum :
-         {&means.area_2_12, &means.coverage_final, &means.motion_m, &means.reachable, &means.entropy_2_12}) {
-      *sum /= means.seeds;
-    }
+    if (area.empty()) continue;
+    MethodMeans means;
+    means.method = name;
+    means.seeds = static_cast<int>(area.size());
+    means.area_interval = mean_interval(area);
+    means.coverage_interval = mean_interval(coverage);
+    means.motion_interval = mean_interval(motion);
+    means.area_2_12 = means.area_interval.mean;
+    means.coverage_final = means.coverage_interval.mean;
+    means.motion_m = means.motion_interval.mean;
+    means.entropy_2_12 = mean_interval(entropy).mean;
+    means.reachable = mean_interval(reachable).mean;
     all.push_back(means);
   }
   return all;
@@ -136,7 +152,10 @@ std::vector<Verdict> judge_statements(const std::vector<MethodRun>& runs, const 
       if (verdict) verdicts.push_back(*verdict);
     }
   }
-  for (const std::string& object : objects) judge_view_set(object, means_of(runs, object), &verdicts);
+  for (const std::string& object : objects) {
+    judge_view_set(object, means_of(runs, object), &verdicts);
+    judge_learned(object, means_of(runs, object), &verdicts);
+  }
   return verdicts;
 }
 

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "offboard/experiment/mean_interval.h"
 #include "offboard/experiment/method_run.h"
 
 namespace vantage {
@@ -10,8 +11,8 @@ namespace vantage {
 /// Means of a method's runs on one object.
 struct MethodMeans {
   std::string method;
-  double area_2_12 = 0, area_low = 0, area_high = 0;  ///< mean, least and largest of the seeds
-  double coverage_final = 0, entropy_2_12 = 0, motion_m = 0, reachable = 0;
+  double area_2_12 = 0, coverage_final = 0, entropy_2_12 = 0, motion_m = 0, reachable = 0;
+  MeanInterval area_interval, coverage_interval, motion_interval;  ///< of the seeds, around the means above
   int seeds = 0;
 };
 
@@ -25,8 +26,8 @@ struct Verdict {
   std::string by_how_much;  ///< the two methods that decide it, and their values
 };
 
-/// The paper's statements (paper.md, "outcome to hold against") and ours on view_set, by object. A statement whose
-/// methods did not all run is left out; so is an object without runs.
+/// The paper's statements (paper.md, "outcome to hold against") and ours on view_set and learned weights, by object. A
+/// statement whose methods did not all run is left out; so is an object without runs.
 std::vector<Verdict> judge_statements(const std::vector<MethodRun>& runs, const std::vector<std::string>& objects);
 
 }  // namespace vantage

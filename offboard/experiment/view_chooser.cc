@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <utility>
 
 #include "calib/files/input_error.h"
+#include "offboard/experiment/split_mix.h"
 #include "offboard/experiment/view_set_planner.h"
 #include "offboard/gain/view_gain.h"
 #include "offboard/planning/utility.h"
@@ -12,59 +14,65 @@
 namespace vantage {
 namespace {
 
-constexpr int kRayColumns = 80, kRayRows = 60;  // rank views as every pixel would
 constexpr std::array<Formulation, 8> kPaperFormulations = {Formulation::kOcclusionAware, Formulation::kUnobservedVoxel,
                                                            Formulation::kRearSideVoxel,  Formulation::kRearSideEntropy,
                                                            Formulation::kProximityCount, Formulation::kCombined,
                                                            Formulation::kAverageEntropy, Formulation::kAreaFactor};
 
-/// Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014: the same numbers everywhere.
-std::uint64_t split_mix(std::uint64_t* state) {
-  std::uint64_t z = *state += 0x9e3779b97f4a7c15;
-  z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
-  z = (z ^ z >> 27) * 0x94d049bb133111eb;
-  return z ^ z >> 31;
+double distance(const CandidateView& view, const Eigen::Vector3d& position) {
+  return (view.T_world_camera.translation() - position).norm();
 }
 
-double distance(const Choice& choice, std::size_t i) {
-  return (choice.open[i].T_world_camera.translation() - choice.position).norm();
-}
-
-/// The paper's decision: Eqs. 11 and 12 over one formulation.
+/// The paper's methods; with learned weights `combined` too.
 class GainChooser : public ViewChooser {
  public:
-  GainChooser(Formulation formulation, double cost_weight) : formulation_(formulation), cost_weight_(cost_weight) {}
+  GainChooser(Formulation formulation, ChooserOptions options)
+      : formulation_(formulation), options_(std::move(options)) {}
 
   std::size_t choose(const Choice& choice) override {
-    const RayBundle rays(choice.camera, kRayColumns, kRayRows);
+    const RayBundle rays(choice.camera, options_.ray_columns, options_.ray_rows);
     std::vector<Eigen::Isometry3d> poses;
     for (const CandidateView& view : choice.open) poses.push_back(view.T_world_camera);
-    const std::vector<ViewGain> gains = evaluate_views(choice.map, rays, poses);
-    std::vector<ScoredView> scores;
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      scores.push_back({choice.open[i].id, gains[i][formulation_], distance(choice, i), 0});
+    std::vector<double> gains;
+    for (const ViewGain& gain : evaluate_views(choice.map, rays, poses, gain_options_)) {
+      gains.push_back(gain[formulation_]);
     }
-    compute_utilities(&scores);
-    double costs = 0;
-    for (const ScoredView& view : scores) costs += view.cost;
-    if (cost_weight_ != 1 && costs > 0) {
-      for (ScoredView& view : scores) view.utility += (1 - cost_weight_) * view.cost / costs;
-    }
-    return *next_best_view(scores);
+    return choose_by_utility(choice.open, choice.position, gains, options_.cost_weight);
   }
+
+ protected:
+  GainOptions gain_options_;
+  const ChooserOptions& options() const { return options_; }
 
  private:
   Formulation formulation_;
-  double cost_weight_;
+  ChooserOptions options_;
+};
+
+class LearnedChooser : public GainChooser {
+ public:
+  explicit LearnedChooser(const ChooserOptions& options) : GainChooser(Formulation::kCombined, options) {
+    gain_options_.weights = options.learned->all();
+  }
+};
+
+class NearestChooser : public GainChooser {
+ public:
+  explicit NearestChooser(const ChooserOptions& options) : GainChooser(Formulation::kCombined, options) {}
+
+  std::size_t choose(const Choice& choice) override {
+    if (choice.visited.size() == 1) gain_options_.weights = options().learned->nearest(choice.map);
+    return GainChooser::choose(choice);
+  }
 };
 
 class RandomChooser : public ViewChooser {
  public:
-  explicit RandomChooser(std::uint64_t seed) : state_(seed) {}
-  std::size_t choose(const Choice& choice) override { return split_mix(&state_) % choice.open.size(); }
+  explicit RandomChooser(std::uint64_t seed) : random_(seed) {}
+  std::size_t choose(const Choice& choice) override { return random_.next() % choice.open.size(); }
 
  private:
-  std::uint64_t state_;
+  SplitMix random_;
 };
 
 class SequentialChooser : public ViewChooser {
@@ -91,7 +99,7 @@ class OracleChooser : public ViewChooser {
       const std::vector<std::uint64_t>& view = covered_by(choice.open[i].id);
       int gain = 0;
       for (std::size_t w = 0; w < covered.size(); ++w) gain += std::popcount(view[w] & ~covered[w]);
-      scores.push_back({choice.open[i].id, 0, distance(choice, i), static_cast<double>(gain)});
+      scores.push_back({choice.open[i].id, 0, distance(choice.open[i], choice.position), static_cast<double>(gain)});
     }
     return *next_best_view(scores);
   }
@@ -117,7 +125,8 @@ const std::vector<std::string>& method_names() {
   static const std::vector<std::string> kNames = [] {
     std::vector<std::string> names;
     for (const Formulation formulation : kPaperFormulations) names.emplace_back(name_of(formulation));
-    for (const char* name : {"random", "sequential", "oracle", "view_set"}) names.emplace_back(name);
+    for (const char* name : {"random", "sequential", "oracle", "view_set", "combined_learned", "combined_nearest"})
+      names.emplace_back(name);
     return names;
   }();
   return kNames;
@@ -128,17 +137,25 @@ bool is_paper_method(std::string_view method) {
                      [&](Formulation formulation) { return name_of(formulation) == method; });
 }
 
-std::vector<std::string> parse_methods(const std::vector<std::string>& names) {
+bool needs_learned_weights(std::string_view method) {
+  return method == "combined_learned" || method == "combined_nearest";
+}
+
+std::vector<std::string> parse_methods(const std::vector<std::string>& names, bool learned) {
   for (const std::string& name : names) {
     const auto& known = method_names();
     if (name != "all" && name != "paper" && std::find(known.begin(), known.end(), name) == known.end()) {
       throw InputError("--methods " + name + ": there are " + joined(known) + ", paper (the first eight), all");
     }
+    if (needs_learned_weights(name) && !learned) {
+      throw InputError("--methods " + name + ": needs --weights FILE, which vantage-experiment tune writes");
+    }
   }
   std::vector<std::string> chosen;
   for (const std::string& method : method_names()) {
     const bool wanted = std::any_of(names.begin(), names.end(), [&](const std::string& name) {
-      return name == method || name == "all" || (name == "paper" && is_paper_method(method));
+      return name == method || (name == "all" && (learned || !needs_learned_weights(method))) ||
+             (name == "paper" && is_paper_method(method));
     });
     if (wanted) chosen.push_back(method);
   }
@@ -147,18 +164,39 @@ std::vector<std::string> parse_methods(const std::vector<std::string>& names) {
 }
 
 std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth,
-                                          double cost_weight) {
+                                          const ChooserOptions& options) {
   if (method == "random") return std::make_unique<RandomChooser>(seed);
   if (method == "sequential") return std::make_unique<SequentialChooser>();
   if (method == "oracle") return std::make_unique<OracleChooser>(truth);
-  if (method == "view_set") return std::make_unique<ViewSetPlanner>();
-  return std::make_unique<GainChooser>(parse_formulation(method).value(), cost_weight);
+  if (method == "combined_learned") return std::make_unique<LearnedChooser>(options);
+  if (method == "combined_nearest") return std::make_unique<NearestChooser>(options);
+  if (method == "view_set") {
+    ViewSetOptions set;
+    set.ray_columns = options.ray_columns;
+    set.ray_rows = options.ray_rows;
+    return std::make_unique<ViewSetPlanner>(set);
+  }
+  return std::make_unique<GainChooser>(parse_formulation(method).value(), options);
+}
+
+std::size_t choose_by_utility(std::span<const CandidateView> open, const Eigen::Vector3d& position,
+                              std::span<const double> gains, double cost_weight) {
+  std::vector<ScoredView> scores;
+  double costs = 0;
+  for (std::size_t i = 0; i < gains.size(); ++i) {
+    scores.push_back({open[i].id, gains[i], distance(open[i], position), 0});
+    costs += scores.back().cost;
+  }
+  compute_utilities(&scores);
+  if (cost_weight != 1 && costs > 0) {
+    for (ScoredView& view : scores) view.utility += (1 - cost_weight) * view.cost / costs;
+  }
+  return *next_best_view(scores);
 }
 
 std::int64_t first_view_of_seed(std::uint64_t seed, std::size_t views) {
   if (seed == 1) return 0;
-  std::uint64_t state = seed;
-  return static_cast<std::int64_t>(split_mix(&state) % views);
+  return static_cast<std::int64_t>(SplitMix(seed).next() % views);
 }
 
 }  // namespace vantage

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "offboard/mapping/occupancy_map.h"
+#include "offboard/planning/learned_weights.h"
 #include "offboard/planning/view_space.h"
 
 namespace vantage {
@@ -38,20 +39,37 @@ struct TrueCoverage {
 
 /// The eight formulations of the paper by their names (formulation.h), then `random`, `sequential` (by id, round after
 /// round from the first view), `oracle` (the view that covers most of the true surface not yet covered: the upper bound
-/// for choosing one step ahead, without regard to movement), `view_set` (view_set_planner.h).
+/// for choosing one step ahead, without regard to movement), `view_set` (view_set_planner.h), and `combined` with
+/// learned weights: `combined_learned` (those of the whole training set), `combined_nearest` (those of the training
+/// object nearest to what the first view shows).
 const std::vector<std::string>& method_names();
 
 /// True for the paper's eight.
 bool is_paper_method(std::string_view method);
 
-/// Methods of a list; `all` stands for all, `paper` for the paper's eight. In method_names()' order, each once.
-/// \throws InputError for an unknown name, with the names there are, and for an empty list.
-std::vector<std::string> parse_methods(const std::vector<std::string>& names);
+/// True for the methods that need ChooserOptions::learned.
+bool needs_learned_weights(std::string_view method);
 
-/// \pre a name of method_names(). `truth` must outlive the chooser; it is read by the oracle alone. `cost_weight`, >=
-/// 0, multiplies the second term of Eq. 11 for the paper's eight: 1 as published, 0 choosing by gain alone.
+/// Methods of a list; `all` stands for all (those that need learned weights only with `learned`), `paper` for the
+/// paper's eight. In method_names()' order, each once. \throws InputError for an unknown name, with the names there
+/// are, for one that needs learned weights without `learned`, and for an empty list.
+std::vector<std::string> parse_methods(const std::vector<std::string>& names, bool learned = false);
+
+/// What methods choose with.
+struct ChooserOptions {
+  double cost_weight = 1;               ///< >= 0, of the second term of Eq. 11; 0: by gain alone. Not for view_set
+  int ray_columns = 80, ray_rows = 60;  ///< of gain and view_set; these rank views as every pixel would
+  std::shared_ptr<const LearnedWeights> learned;  ///< for combined_learned and combined_nearest
+};
+
+/// \pre a name of method_names(). `truth` must outlive the chooser; it is read by the oracle alone.
 std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth,
-                                          double cost_weight = 1);
+                                          const ChooserOptions& options = {});
+
+/// The paper's decision (Eqs. 11 and 12) over gains by element of `open`, from a position of the camera (world, m); the
+/// second term of Eq. 11 times `cost_weight`. \pre as many gains as views, at least one
+std::size_t choose_by_utility(std::span<const CandidateView> open, const Eigen::Vector3d& position,
+                              std::span<const double> gains, double cost_weight);
 
 /// The first view of a run: 0 for seed 1, else picked by the seed. \pre views > 0
 std::int64_t first_view_of_seed(std::uint64_t seed, std::size_t views);

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <vector>
+
 #include "offboard/experiment/experiment_object.h"
+#include "offboard/planning/view_space.h"
 
 namespace vantage {
 
@@ -13,6 +16,17 @@ inline ExperimentObject box_object() {
   box.mesh.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
                         {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 3, 7}, {1, 7, 5}};
   return box;
+}
+
+/// Six of the paper's views, at two azimuths, numbered from 0.
+inline std::vector<CandidateView> six_views() {
+  std::vector<CandidateView> views;
+  for (const CandidateView& view : cylinder_views()) {
+    if (view.id % 16 == 0 || view.id % 16 == 6) {
+      views.push_back({static_cast<std::int64_t>(views.size()), view.T_world_camera});
+    }
+  }
+  return views;
 }
 
 }  // namespace vantage

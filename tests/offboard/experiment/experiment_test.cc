@@ -22,15 +22,6 @@ namespace {
 constexpr std::uint64_t kSeed = 1;
 const std::atomic<bool> kNeverStop = false;
 
-std::vector<CandidateView> six_views() {
-  std::vector<CandidateView> views;
-  for (const CandidateView& view : cylinder_views()) {
-    if (view.id % 16 == 0 || view.id % 16 == 6)
-      views.push_back({static_cast<std::int64_t>(views.size()), view.T_world_camera});
-  }
-  return views;
-}
-
 class BoxScene : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -52,6 +43,8 @@ class BoxScene : public testing::Test {
     ExperimentOptions options;
     options.views = 6;
     options.truth_points = 4000;
+    options.choosing.learned =
+        std::make_shared<const LearnedWeights>(CombinedWeights::robot(), std::vector<LearnedWeights::Object>());
     return options;
   }
   static MethodRun run(const std::string& method) {
@@ -152,7 +145,7 @@ TEST_F(BoxScene, AFormulationsRunIsThePlannersOfTheSession) {
 
 TEST_F(BoxScene, WithoutCostAFormulationGoesToTheLargestGain) {
   ExperimentOptions by_gain = options();
-  by_gain.cost_weight = 0;
+  by_gain.choosing.cost_weight = 0;
   const MethodRun made = *run_method(*scene_, *truth_, "occlusion_aware", by_gain, kNeverStop);
   const SessionConfig session;
   Volume volume(session.region, session.sensor);
@@ -166,6 +159,52 @@ TEST_F(BoxScene, WithoutCostAFormulationGoesToTheLargestGain) {
     if (gains[i][Formulation::kOcclusionAware] > gains[best][Formulation::kOcclusionAware]) best = i;
   }
   EXPECT_EQ(made.steps[1].view_id, static_cast<std::int64_t>(best));
+}
+
+TEST_F(BoxScene, TheNearestObjectsWeightsAreChosenByTheFirstView) {
+  CombinedWeights entropy;
+  entropy.weight.fill(0);
+  entropy[Formulation::kEntropy] = 1;
+  const SessionConfig session;
+  Volume volume(session.region, session.sensor);
+  ASSERT_TRUE(volume.integrate(scene_->depth_map(0)).ok);
+  const ShapeDescriptor like = describe_shape(volume.map());
+  ShapeDescriptor unlike = like;
+  for (double& value : unlike.value) value += 1;
+  ExperimentOptions nearest = options(), whole = options();
+  nearest.choosing.learned = std::make_shared<const LearnedWeights>(
+      CombinedWeights::robot(),
+      std::vector<LearnedWeights::Object>{{"other", CombinedWeights(), {unlike}}, {"like", entropy, {like}}});
+  whole.choosing.learned = std::make_shared<const LearnedWeights>(entropy, std::vector<LearnedWeights::Object>());
+  const auto views = [&](const char* method, const ExperimentOptions& with) {
+    std::vector<std::int64_t> ids;
+    const MethodRun made = *run_method(*scene_, *truth_, method, with, kNeverStop);
+    for (const MethodStep& step : made.steps) ids.push_back(step.view_id);
+    return ids;
+  };
+  EXPECT_EQ(views("combined_nearest", nearest), views("combined_learned", whole));
+}
+
+TEST_F(BoxScene, ClampingReachesTheMap) {
+  // A clamp nearer to certainty leaves less entropy in voxels that were seen often.
+  ExperimentOptions wide = options(), narrow = options();
+  wide.clamp_min = 0.01;
+  wide.clamp_max = 0.99;
+  narrow.clamp_min = 0.12;
+  const auto entropy = [&](const ExperimentOptions& with) {
+    return run_method(*scene_, *truth_, "sequential", with, kNeverStop)->steps.back().entropy_nats;
+  };
+  EXPECT_LT(entropy(wide), entropy(options()));
+  EXPECT_LT(entropy(options()), entropy(narrow));
+}
+
+TEST(Candidates, StandAtTheRadius) {
+  ExperimentOptions near;
+  near.view_radius_m = 0.5;
+  const std::vector<CandidateView> views = candidates_of(near);
+  ASSERT_EQ(views.size(), 48U);
+  EXPECT_NEAR(views[3].T_world_camera.translation().head<2>().norm(), 0.5, 1e-12);
+  EXPECT_NEAR(candidates_of({})[3].T_world_camera.translation().head<2>().norm(), 0.6, 1e-12);
 }
 
 TEST_F(BoxScene, TheOraclesSecondViewCoversMost) {

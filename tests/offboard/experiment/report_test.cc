@@ -83,21 +83,35 @@ TEST(Statements, ViewSetIsHeldAgainstTheBestOneStepMethodAndTheOracle) {
   EXPECT_TRUE(verdicts[5].holds);
 }
 
+TEST(Statements, LearnedWeightsAreHeldAgainstThePapersAndTheNearestAgainstThem) {
+  const std::vector<MethodRun> runs = {level_run("combined", 0.7, 5), level_run("combined_learned", 0.8, 6),
+                                       level_run("combined_nearest", 0.75, 6)};
+  const std::vector<Verdict> verdicts = judge_statements(runs, {"box"});
+  ASSERT_EQ(verdicts.size(), 2U);
+  EXPECT_TRUE(verdicts[0].holds);
+  EXPECT_FALSE(verdicts[1].holds);
+}
+
 TEST(Means, AreOverSeeds) {
   const std::vector<MethodMeans> means =
       means_of({level_run("random", 0.5, 2, 1), level_run("random", 0.7, 4, 2)}, "box");
   ASSERT_EQ(means.size(), 1U);
   EXPECT_NEAR(means[0].area_2_12, 0.6, 1e-12);
-  EXPECT_NEAR(means[0].area_low, 0.5, 1e-12);
-  EXPECT_NEAR(means[0].area_high, 0.7, 1e-12);
+  EXPECT_NEAR(means[0].area_interval.least, 0.5, 1e-12);
+  EXPECT_NEAR(means[0].area_interval.largest, 0.7, 1e-12);
   EXPECT_NEAR(means[0].motion_m, 3, 1e-12);
+  // Two values that differ by 0.2: standard deviation 0.1414, over sqrt(2) 0.1, times 12.706.
+  EXPECT_NEAR(means[0].area_interval.half_width.value(), 1.2706, 1e-3);
 }
 
 TEST(Report, NeedsNoOtherFile) {
   const std::filesystem::path folder =
       std::filesystem::path(testing::TempDir()) / ("report_test-" + std::to_string(::getpid()));
   std::filesystem::remove_all(folder);
-  const RunStore store(folder, {12, 1, {{"box", "00"}}}, StoreStart::kNew);
+  StoreSettings settings;
+  settings.views = 12;
+  settings.objects = {{"box", "00"}};
+  const RunStore store(folder, settings, StoreStart::kNew);
   write_report(store, as_the_paper_says());
   std::ifstream file(folder / "report.html");
   const std::string html{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
@@ -108,6 +122,12 @@ TEST(Report, NeedsNoOtherFile) {
   for (const char* plot : {"coverage", "entropy", "motion"}) {
     EXPECT_TRUE(std::filesystem::exists(folder / "plots" / ("box-" + std::string(plot) + ".svg")));
   }
+  std::ifstream means(folder / "means.csv");
+  std::string line;
+  std::getline(means, line);
+  std::getline(means, line);
+  EXPECT_EQ(line.substr(0, 23), "box,occlusion_aware,1,0");
+  EXPECT_NE(line.find(",,"), std::string::npos) << "one seed has no interval";
   std::filesystem::remove_all(folder);
 }
 

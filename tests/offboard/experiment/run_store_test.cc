@@ -27,6 +27,13 @@ MethodRun made_run(const std::string& method, std::uint64_t seed, double motion_
   return run;
 }
 
+StoreSettings settings_of(int views, std::vector<StoreSettings::Object> objects) {
+  StoreSettings settings;
+  settings.views = views;
+  settings.objects = std::move(objects);
+  return settings;
+}
+
 std::string text_of(const std::filesystem::path& file) {
   std::ifstream stream(file);
   return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
@@ -39,7 +46,7 @@ class Store : public testing::Test {
 
   std::filesystem::path root_ =
       std::filesystem::path(testing::TempDir()) / ("run_store_test-" + std::to_string(::getpid()));
-  StoreSettings settings_{3, 1, {{"box", "0123"}}};
+  StoreSettings settings_ = settings_of(3, {{"box", "0123"}});
 };
 
 TEST_F(Store, SummaryHoldsWhatAHandCalculationGives) {
@@ -74,6 +81,24 @@ TEST_F(Store, AStartedFolderIsNotWrittenOverUnasked) {
   EXPECT_FALSE(RunStore(root_, settings_, StoreStart::kOverwrite).holds({"box", "random", 1}));
 }
 
+TEST_F(Store, SettingsOfAnOlderVersionAreItsDefaults) {
+  std::filesystem::create_directories(root_ / "runs");
+  std::ofstream(root_ / "settings.txt") << "vantage-experiment 1\nviews 3\ncost_weight 1\nobject box 0123\n";
+  const RunStore store(root_, settings_, StoreStart::kResume);
+  EXPECT_EQ(store.settings().ray_columns, 80);
+  EXPECT_EQ(store.settings().view_radius_m, 0.6);
+  EXPECT_EQ(store.settings().weights, "none");
+}
+
+TEST_F(Store, ViewsOfOneCacheDifferByRadius) {
+  RunStore store(root_, settings_, StoreStart::kNew);
+  const std::filesystem::path own = store.views_of("box", 1);
+  EXPECT_EQ(own, root_ / "views" / "box-0123-seed1");
+  store.keep_views_in(root_ / "cache");
+  EXPECT_EQ(store.views_of("box", 1), root_ / "cache" / "box-0123-seed1");
+  EXPECT_NE(views_folder("c", {"box", "0123"}, 1, 0.5), views_folder("c", {"box", "0123"}, 1, 0.6));
+}
+
 TEST_F(Store, AFolderWithOtherFilesIsLeftAlone) {
   std::filesystem::create_directories(root_);
   std::ofstream(root_ / "thesis.tex") << "x";
@@ -83,10 +108,17 @@ TEST_F(Store, AFolderWithOtherFilesIsLeftAlone) {
 
 TEST_F(Store, RunsMadeOtherwiseAreNotPutBesideEachOther) {
   { const RunStore store(root_, settings_, StoreStart::kNew); }
-  EXPECT_THROW(RunStore(root_, {4, 1, {{"box", "0123"}}}, StoreStart::kResume), InputError);
-  EXPECT_THROW(RunStore(root_, {3, 1, {{"box", "4567"}}}, StoreStart::kResume), InputError);
-  EXPECT_THROW(RunStore(root_, {3, 0, {{"box", "0123"}}}, StoreStart::kResume), InputError);
-  EXPECT_EQ(RunStore(root_, {3, 1, {{"ball", "89"}}}, StoreStart::kResume).settings().objects.size(), 2U);
+  const std::vector<StoreSettings::Object> box{{"box", "0123"}};
+  std::vector<StoreSettings> others = {settings_of(4, box), settings_of(3, {{"box", "4567"}})};
+  for (int i = 0; i < 6; ++i) others.push_back(settings_of(3, box));
+  others[2].cost_weight = 0;
+  others[3].ray_columns = 160;
+  others[4].clamp_min = 0.12;
+  others[5].clamp_max = 0.99;
+  others[6].view_radius_m = 0.5;
+  others[7].weights = "89ab";
+  for (const StoreSettings& other : others) EXPECT_THROW(RunStore(root_, other, StoreStart::kResume), InputError);
+  EXPECT_EQ(RunStore(root_, settings_of(3, {{"ball", "89"}}), StoreStart::kResume).settings().objects.size(), 2U);
 }
 
 TEST_F(Store, AHalfWrittenRunIsNone) {

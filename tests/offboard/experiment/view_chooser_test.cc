@@ -12,7 +12,10 @@ namespace {
 
 TEST(Methods, AreThePapersEightAndOurs) {
   EXPECT_EQ(parse_methods({"paper"}).size(), 8U);
-  EXPECT_EQ(parse_methods({"all"}), method_names());
+  EXPECT_EQ(parse_methods({"all"}, true), method_names());
+  EXPECT_EQ(parse_methods({"all"}).size(), method_names().size() - 2) << "there are no learned weights";
+  EXPECT_THROW(parse_methods({"combined_nearest"}), InputError);
+  EXPECT_EQ(parse_methods({"combined_nearest"}, true).size(), 1U);
   EXPECT_EQ(parse_methods({"oracle", "combined", "oracle"}), (std::vector<std::string>{"combined", "oracle"}));
   EXPECT_THROW(parse_methods({"entropy"}), InputError);  // Eq. 2 alone is none of the paper's methods
   EXPECT_THROW(parse_methods({}), InputError);
