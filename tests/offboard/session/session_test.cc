@@ -8,7 +8,10 @@
 
 #include "calib/files/ply.h"
 #include "lcmtypes/link/depth_codec.h"
-#include "lcmtypes/link/message_bus.h"
+#include "lcmtypes/link/depth_map_receiver.h"
+#include "lcmtypes/link/depth_map_sender.h"
+#include "lcmtypes/link/memory_bus.h"
+#include "lcmtypes/link/sealed_bus.h"
 #include "offboard/mapping/octomap_io.h"
 #include "offboard/replay.h"
 #include "tests/input_fault.h"
@@ -189,6 +192,71 @@ TEST(SessionConfig, FaultsNameLineAndKey) {
   EXPECT_NE(message("planning:\n  gain: most\n").find("occlusion_aware"), std::string::npos);
   EXPECT_NE(message("plan: false\nplanning:\n  gain: entropy\n").find("contradicts"), std::string::npos);
   EXPECT_NE(message("planning:\n  rays: [0, 60]\n").find("rays"), std::string::npos);
+}
+
+TEST_F(SessionTest, ARecordingOfASealedNetworkIsReplayed) {
+  // What lcm-logger would have heard: manifests with their seals, chunks, and all the rest.
+  MemoryBus wire;
+  SealedBus bus(wire, {make_link_key()});
+  ManualClock time;
+  const fs::path log = folder_ / "heard.lcm";
+  LogWriter writer(log);
+  for (const char* name : {channel::kDepthManifest, channel::kDepthChunk, channel::kDepthReceipt}) {
+    wire.subscribe(name, [&writer, name](std::span<const std::uint8_t> bytes) { writer.write(1, name, bytes); });
+  }
+  std::vector<depth_map_t> heard;
+  DepthMapReceiver receiver(bus, time, [&heard](const depth_map_t& map) { heard.push_back(map); });
+  DepthMapSender sender(bus, time);
+  config_.planning.reset();
+  for (unsigned i = 1; i <= 3; ++i) sender.enqueue(pack_depth_map(sample_depth_map(64, 48, i)));
+  for (int t = 0; t < 1000 && !sender.idle(); ++t) {
+    time.advance(std::chrono::milliseconds(1));
+    sender.step();
+    while (wire.handle(std::chrono::milliseconds(0))) {
+    }
+  }
+  ASSERT_EQ(heard.size(), 3u);
+  examine_log(log);
+  Session session(config_, folder_ / "s", false, clock_, terminal_);
+  replay_log(log, 0, never_, session);
+  EXPECT_EQ(session.steps(), 3);
+}
+
+TEST_F(SessionTest, AResumedSessionEqualsOneThatWasNeverKilled) {
+  // Its log cut at every kind of place: within the first event, between events, within a depth map.
+  config_.planning->planner.most_views = 3;
+  {
+    Session session(config_, folder_ / "whole", false, clock_, terminal_);
+    run(session);
+  }
+  const auto size = fs::file_size(folder_ / "whole" / "log.lcm");
+  for (const double share : {0.0, 0.001, 0.3, 0.5, 0.8, 0.999, 1.0}) {
+    SCOPED_TRACE(share);
+    const fs::path killed = folder_ / ("killed_" + std::to_string(share));
+    fs::copy(folder_ / "whole", killed);
+    for (const char* file : {"map.ot", "mesh.ply", "cloud.ply", "view.html"}) fs::remove(killed / file);
+    fs::resize_file(killed / "log.lcm", static_cast<std::uintmax_t>(static_cast<double>(size) * share));
+    fs::resize_file(killed / "steps.csv", fs::file_size(killed / "steps.csv") / 2);
+    {
+      const std::unique_ptr<Session> session = Session::resume(killed, clock_, terminal_);
+      std::string why;
+      while (!session->finished()) {
+        ASSERT_TRUE(session->take(answer(*session, session->steps() + 1), &why)) << why;
+      }
+      session->write_results();
+    }
+    for (const char* file : {"steps.csv", "scores.csv", "map.ot", "mesh.ply", "cloud.ply", "view.html"}) {
+      EXPECT_EQ(text_of(folder_ / "whole" / file), text_of(killed / file)) << file;
+    }
+    const LogContents contents = examine_log(killed / "log.lcm");  // whole again
+    EXPECT_EQ(contents.depth_maps, 3);
+    EXPECT_TRUE(contents.config);
+  }
+}
+
+TEST_F(SessionTest, WhatIsNoSessionCannotBeResumed) {
+  EXPECT_NE(input_fault([&] { Session::resume(folder_ / "none", clock_, terminal_); }).find("no session to resume"),
+            std::string::npos);
 }
 
 }  // namespace
