@@ -150,7 +150,7 @@ void DepthMapReceiver::deliver_in_order(std::int64_t session) {
   }
 }
 
-void DepthMapReceiver::deliver(const MapKey& key) {
+void DepthMapReceiver::deliver(MapKey key) {  // a copy: its parcel goes
   const auto found = parcels_.find(key);
   const Parcel parcel = std::move(found->second);
   parcel_bytes_ -= parcel.manifest.bytes;

@@ -76,7 +76,7 @@ class DepthMapReceiver {
   SenderState& hear(std::int64_t session, std::int64_t stamp);
   void check_digest(Parcel* parcel);
   void deliver_in_order(std::int64_t session);
-  void deliver(const MapKey& key);
+  void deliver(MapKey key);
   bool finished(const MapKey& key) const { return finished_.contains(key); }
   void send_receipt(const depth_map_manifest_t& manifest, Parcel* parcel);
 

@@ -17,5 +17,8 @@ void sdo(Bytes input);
 void eds(Bytes input);
 /// A rig file.
 void rig(Bytes input);
+/// Datagrams of LCM, each behind its length (16 bits, the low byte first): decoded as every type, and heard by both
+/// ends of the link.
+void datagram(Bytes input);
 
 }  // namespace vantage::fuzz

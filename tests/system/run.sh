@@ -171,6 +171,53 @@ test_hold_without_planner() {
   expect_end "$onboard" 5 0 vantage-onboard
 }
 
+# --- Only who has the key is heard.
+test_keys() {
+  "$bin/vantage-keygen" "$scratch/key" >"$scratch/out.log" || fail "no key"
+  "$bin/vantage-keygen" "$scratch/other" >>"$scratch/out.log" || fail "no second key"
+  expect_error "key: exists already" "$bin/vantage-keygen" "$scratch/key"
+  chmod 644 "$scratch/other"
+  expect_error "chmod 600 $scratch/other" "$bin/vantage-offboard" --session "$scratch/session" --key "$scratch/other"
+  chmod 600 "$scratch/other"
+  expect_error "no key is given" "$bin/vantage-offboard" --session "$scratch/session" \
+    --lcm 'udpm://239.255.76.67:7667?ttl=1'
+  [[ ! -e $scratch/session ]] || fail "left a session behind"
+  start_robot --key "$scratch/key" --key "$scratch/other"
+  # Without a key, and with one that is not the robot's, nobody hears the robot nor is heard.
+  "$bin/vantage-keygen" "$scratch/foreign" >>"$scratch/out.log" || fail "no third key"
+  expect_status 3 "$bin/vantage-command" stop
+  expect_status 3 "$bin/vantage-command" stop --key "$scratch/foreign"
+  if grep -q 'stands still' "$scratch/onboard.log"; then fail "a stranger stopped the robot"; fi
+  # The robot seals with its first key; whoever has one of its others is obeyed but hears nothing.
+  expect_status 0 "$bin/vantage-command" stop --key "$scratch/key"
+  grep -q 'stop: the camera stands still' "$scratch/onboard.log" || fail "the robot does not stop"
+  # A planner does not get it moving; a resume does.
+  start_planner --key "$scratch/key" --most-views 2
+  sleep 3
+  if grep -q '^view 1' "$scratch/offboard.log"; then fail "a stopped robot moved"; fi
+  expect_status 0 "$bin/vantage-command" resume --key "$scratch/key"
+  expect_end "$offboard" 40 0 vantage-offboard
+  expect_end "$onboard" 5 0 vantage-onboard
+}
+
+# --- A planner that was killed goes on with its session.
+test_resume() {
+  start_robot --on-lost-planner hold
+  start_planner --most-views 4
+  await_view 2
+  kill -KILL "$offboard"
+  [[ ! -e $scratch/session/map.ot ]] || fail "the killed planner wrote its map"
+  expect_status 0 "$bin/vantage-offboard" --resume "$scratch/session"
+  grep -q '^resumed after [23] views' "$scratch/out.log" || fail "does not say that it resumed"
+  [[ $(tail -n 1 "$scratch/out.log") == *"after 4 views" ]] || fail "did not come to four views"
+  expect_end "$onboard" 5 0 vantage-onboard
+  expect_status 0 "$bin/vantage-offboard" --replay "$scratch/session/log.lcm" --speed 0 --session "$scratch/again"
+  for file in steps.csv scores.csv map.ot; do
+    cmp "$scratch/session/$file" "$scratch/again/$file" || fail "the replay's $file differs"
+  done
+  expect_error "no session to resume" "$bin/vantage-offboard" --resume "$scratch/none"
+}
+
 # --- A network without a multicast route.
 test_no_route() {
   ip route del 224.0.0.0/4 dev lo

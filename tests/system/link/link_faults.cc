@@ -335,24 +335,16 @@ bool is_somebodys_word(const Bytes& bytes) {
 }
 
 int mutate(const Arguments& arguments) {
-  const SystemClock clock;
-  LcmBus lcm;
-  std::unique_ptr<SealedBus> sealed;
-  if (!arguments.key.empty())
-    sealed = std::make_unique<SealedBus>(lcm, std::vector<LinkKey>{read_link_key(arguments.key)});
-  MessageBus& bus = sealed ? static_cast<MessageBus&>(*sealed) : lcm;
-  RobotWatch robot(bus, clock);
+  const bool sealed = !arguments.key.empty();
   std::vector<Bytes> corpus;
   {
     RawGroup group;
     for (const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(4);
          std::chrono::steady_clock::now() < end;) {
       if (Bytes datagram; group.receive(&datagram)) corpus.push_back(std::move(datagram));
-      bus.handle(milliseconds(0));
     }
   }
   if (corpus.size() < 20) throw InputError("hardly anything was said within 4 s");
-  robot.take_states();
   RawGroup group;
   group.stop_hearing();
   std::mt19937 random(arguments.seed);
@@ -363,12 +355,11 @@ int mutate(const Arguments& arguments) {
     while (!sealed && is_somebodys_word(bytes)) bytes = mutated(corpus, random);
     group.send(bytes);
     if (i % 8 == 0) std::this_thread::sleep_for(std::chrono::microseconds(200));
-    if (i % 64 == 0) bus.handle(milliseconds(0));
     if (i == arguments.count / 10) {  // by then buffers and pools have their size
       for (const int pid : arguments.pids) before.push_back(resident_kb(pid));
     }
   }
-  listen(bus, milliseconds(2500));
+  std::this_thread::sleep_for(std::chrono::seconds(1));
   const std::int64_t dropped = RawGroup::drops() - drops_before;
   std::printf("mutations %d, of %zu kinds of datagram: %lld not taken off the sockets in time", arguments.count,
               corpus.size(), static_cast<long long>(dropped));
@@ -384,11 +375,8 @@ int mutate(const Arguments& arguments) {
                 static_cast<long long>(now - before[i]));
     well = well && now - before[i] < 8'192;
   }
-  const auto states = robot.take_states();
-  const bool obeyed = std::any_of(states.begin(), states.end(),
-                                  [](const auto& state) { return state.first != 0 || state.second != 3; });
-  std::printf("; goals accepted %d\n", obeyed ? 1 : 0);
-  return well && !obeyed && !states.empty() ? kExitOk : kExitFailure;
+  std::printf("\n");
+  return well ? kExitOk : kExitFailure;
 }
 
 }  // namespace
