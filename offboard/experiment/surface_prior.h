@@ -18,7 +18,8 @@ namespace vantage {
 ///  - what hides it (its occlusion mark, Eq. 9): a surface about as near as the nearest occupied voxel, so that it lies
 ///    directly behind what was seen, most probably inside; another one farther before it; or none, at a picture's
 ///    edge or beside a depth edge.
-/// The ground (voxels with their centre less than `ground_m` + one voxel above z = 0) holds none.
+/// What faces up is more probable than the table says, what lies outside every picture and does not, less: views look
+/// down. The ground (voxels with their centre less than `ground_m` + one voxel above z = 0) holds none.
 class SurfacePrior {
  public:
   enum Kind : std::uint8_t { kFree, kUnknown, kSolid };  ///< solid: occupied, or ground

@@ -152,6 +152,26 @@ TEST(SurfacePrior, EndsTwentyCentimetresFromWhatWasSeen) {
   EXPECT_EQ(probability(23), 0);
 }
 
+TEST(SurfacePrior, WhatFacesUpIsMoreProbableThanWhatFacesAside) {
+  // Free space above and beside a block of unknown voxels; the seen voxel lies in the plane between the two.
+  OccupancyMap map(Region{{0, 0, 0}, {32, 32, 32}, 0.01});
+  for (int z = 0; z < 32; ++z) {
+    for (int y = 0; y < 32; ++y) {
+      for (int x = 0; x < 32; ++x) {
+        if (x >= 20 || z >= 20) map.set_log_odds({x, y, z}, -3);
+      }
+    }
+  }
+  map.set_log_odds({12, 16, 12}, 3);
+  const SurfacePrior surface(map);
+  const auto index = [](int x, int y, int z) { return static_cast<std::size_t>(x + 32 * (y + 32 * z)); };
+  const std::size_t top = index(10, 16, 19), side = index(19, 16, 10);
+  ASSERT_EQ(surface.classes()[top], surface.classes()[side]);
+  EXPECT_GT(surface.facing()[top][2], 95);
+  EXPECT_GT(surface.facing()[side][0], 95);
+  EXPECT_GT(surface.probability()[top], surface.probability()[side]);
+}
+
 TEST_F(BehindAWall, WhatViewsFailedToMeasureIsNotLookedForForEver) {
   // Two places see the same from behind, one sees from the side. Nothing comes of the first: the map stays.
   const CameraModel camera{64, 48, 60, 60, 31.5, 23.5, Distortion::kNone, {}};
