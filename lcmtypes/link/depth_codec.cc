@@ -16,6 +16,8 @@ constexpr std::int64_t kMostPixels = std::int64_t{1} << 24;
 constexpr std::size_t kBytesPerPixel = 4;  // depth high, depth low, sigma, state
 constexpr double kSmallestSigma = 1e-6, kLargestSigma = 10;
 constexpr int kDepthSteps = 65535, kSigmaSteps = 255;
+constexpr double kStepsPerSigma = 8;  // finer differences of depth are noise, which no code makes smaller
+constexpr int kMostNoiseBits = 12;
 
 bool has_depth(DepthState state) { return state != DepthState::kInvalid && state != DepthState::kDiverged; }
 
@@ -27,6 +29,14 @@ std::uint8_t sigma_code(float sigma) {
 
 float sigma_of(std::uint8_t code) {
   return static_cast<float>(kSmallestSigma * std::pow(kLargestSigma / kSmallestSigma, code / double{kSigmaSteps}));
+}
+
+/// A code for inverse depth, with as many of its low bits 0 as hide in the noise: at least eight steps a sigma are
+/// left.
+std::uint16_t depth_code(double position, double sigma_steps) {
+  const int bits = std::clamp(std::ilogb(std::max(sigma_steps / kStepsPerSigma, 1.0)), 0, kMostNoiseBits);
+  const double coarse = std::ldexp(std::round(std::ldexp(position, -bits)), bits);
+  return static_cast<std::uint16_t>(std::min(coarse, double{kDepthSteps}));
 }
 
 /// Four planes, each byte the difference to its left neighbour: smooth images become runs of small numbers.
@@ -95,7 +105,8 @@ depth_map_t pack_depth_map(const DepthMap& map) {
   std::uint8_t sigma = 0;
   for (std::size_t i = 0; i < map.depth_m.size(); ++i) {
     if (has_depth(map.state[i])) {  // elsewhere the last codes go on: a difference of 0
-      depth = static_cast<std::uint16_t>(std::lround((1.0 / static_cast<double>(map.depth_m[i]) - lowest) * scale));
+      const double inverse = 1.0 / static_cast<double>(map.depth_m[i]);
+      depth = depth_code((inverse - lowest) * scale, static_cast<double>(map.sigma_m[i]) * inverse * inverse * scale);
       sigma = sigma_code(map.sigma_m[i]);
     }
     planes.set(i, depth, sigma, static_cast<std::uint8_t>(map.state[i]));
