@@ -229,5 +229,15 @@ TEST_F(PlannerLinkTest, AMapTakenBeforeTheKillIsAcknowledgedNotTakenAgain) {
   EXPECT_EQ(link.refused_maps(), 0u);
 }
 
+TEST_F(PlannerLinkTest, ARobotOfAnotherVersionIsNamed) {
+  PresenceOptions later;
+  later.link_version = kLinkVersion + 1;
+  Presence robot(bus_, clock_, Role::kRobot, "9", later);
+  robot.step();
+  ASSERT_TRUE(run(milliseconds(500), false, &end_));
+  EXPECT_EQ(end_.exit_status, kExitPeerLost);
+  EXPECT_NE(end_.message.find("the robot is version 9 (link 3)"), std::string::npos) << end_.message;
+}
+
 }  // namespace
 }  // namespace vantage

@@ -205,5 +205,37 @@ TEST_F(RobotLinkTest, SaysEveryCounterOnceASecond) {
   EXPECT_EQ(statuses[0].value[static_cast<std::size_t>(at - statuses[0].name.begin())], 1);
 }
 
+TEST_F(RobotLinkTest, EveryExposureIsShownSmallOnce) {
+  receiver_ =
+      std::make_unique<DepthMapReceiver>(bus_, clock_, [this](const depth_map_t& map) { maps_.push_back(map); });
+  RobotLink link(bus_, clock_, executive_, "1");
+  Presence planner(bus_, clock_, Role::kPlanner, "1");
+  std::vector<preview_t> previews;
+  subscribe_message<preview_t>(bus_, channel::kPreview, &decode_, [&](const preview_t& p) { previews.push_back(p); });
+  RobotEnd end;
+  send(link, goal(1, 0.1));
+  for (int i = 0; i < 3000 && previews.empty(); ++i) ASSERT_FALSE(run(link, &planner, 1, &end)) << end.message;
+  ASSERT_FALSE(run(link, &planner, 100, &end));
+  ASSERT_EQ(previews.size(), 1u);
+  EXPECT_EQ(maps_.size(), 1u);  // which went first
+  EXPECT_EQ(previews[0].session, link.boot_id());
+  EXPECT_EQ(previews[0].width, FakeRobot::camera().width);
+  EXPECT_EQ(previews[0].height, FakeRobot::camera().height);
+  ASSERT_GT(previews[0].jpeg.size(), 4u);
+  EXPECT_EQ(previews[0].jpeg[0], 0xFF);  // as every JPEG begins
+  EXPECT_EQ(previews[0].jpeg[1], 0xD8);
+}
+
+TEST_F(RobotLinkTest, APlannerOfAnotherVersionIsNamed) {
+  RobotLink link(bus_, clock_, executive_, "1");
+  PresenceOptions later;
+  later.link_version = kLinkVersion + 1;
+  Presence planner(bus_, clock_, Role::kPlanner, "9", later);
+  RobotEnd end;
+  ASSERT_TRUE(run(link, &planner, 10, &end));
+  EXPECT_EQ(end.exit_status, kExitPeerLost);
+  EXPECT_NE(end.message.find("the planner is version 9 (link 3)"), std::string::npos) << end.message;
+}
+
 }  // namespace
 }  // namespace vantage
