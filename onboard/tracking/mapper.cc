@@ -141,10 +141,7 @@ void Mapper::undo_start() {
     for (const LandmarkId landmark : std::vector<LandmarkId>(map_.key_frame(id)->hosted))
       map_.remove_landmark(landmark);
   }
-  for (const KeyFrameId id : gone) {
-    map_.remove_key_frame(id);
-    places_.remove(id);
-  }
+  for (const KeyFrameId id : gone) forget_key_frame(id);
 }
 
 void Mapper::observe(const TrackedFrame& frame) { submit({frame, false}); }
@@ -248,7 +245,7 @@ std::optional<Eigen::Isometry3d> Mapper::pose_of(KeyFrameId id) const {
 std::optional<Eigen::Isometry3d> Mapper::pose_of(KeyFrameId id, const Eigen::Isometry3d& T_camera_reference,
                                                  double reference_scale) const {
   Eigen::Isometry3d T = T_camera_reference;
-  for (auto heir = heirs_.find(id); heir != heirs_.end(); heir = heirs_.find(id)) {
+  if (const auto heir = heirs_.find(id); heir != heirs_.end()) {
     if (reference_scale > 0) T.translation() *= heir->second.gone_scale / reference_scale;
     T = T * heir->second.T_gone_heir;
     reference_scale = heir->second.heir_scale;
@@ -269,19 +266,37 @@ void Mapper::move_piece(int piece, const Similarity& S_new_old) {
   for (auto& [id, frame] : map_.key_frames()) {
     if (frame.map != piece) continue;
     map_.move_key_frame(&frame, S_new_old);
-    corrections_.push_back({id, frame.sequence, frame.capture_time_ns, frame.T_camera_world.inverse()});
+    note_correction(frame);
   }
 }
 
 int Mapper::piece_of(KeyFrameId id) const {
-  for (auto heir = heirs_.find(id); heir != heirs_.end(); heir = heirs_.find(id)) id = heir->second.id;
+  if (const auto heir = heirs_.find(id); heir != heirs_.end()) id = heir->second.id;
   const KeyFrame* frame = map_.key_frame(id);
   return frame == nullptr ? 0 : frame->map;
 }
 
 std::vector<CorrectedPose> Mapper::take_corrections() {
   const std::lock_guard lock(mutex_);
-  return std::exchange(corrections_, {});
+  std::vector<CorrectedPose> taken;
+  for (const auto& [id, correction] : corrections_) taken.push_back(correction);
+  corrections_.clear();
+  return taken;
+}
+
+void Mapper::note_correction(const KeyFrame& frame) {
+  corrections_[frame.id] = {frame.id, frame.sequence, frame.capture_time_ns, frame.T_camera_world.inverse()};
+}
+
+MapSize Mapper::size() const {
+  const std::lock_guard lock(mutex_);
+  MapSize size;
+  size.key_frames = map_.key_frames().size();
+  size.landmarks = map_.landmarks();
+  for (const auto& [id, frame] : map_.key_frames()) size.observations += frame.features.size();
+  size.heirs = heirs_.size();
+  size.corrections = corrections_.size();
+  return size;
 }
 
 }  // namespace vantage::tracking

@@ -3,11 +3,11 @@
 #include <condition_variable>
 #include <deque>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
-#include <unordered_map>
 #include <vector>
 
 #include "calib/camera_model.h"
@@ -54,6 +54,15 @@ struct CorrectedPose {
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
 };
 
+/// How much a mapper holds.
+struct MapSize {
+  std::size_t key_frames = 0;
+  std::size_t landmarks = 0;     ///< points and seeds
+  std::size_t observations = 0;  ///< of all landmarks
+  std::size_t heirs = 0;         ///< key frames that went, and are still known relative to another
+  std::size_t corrections = 0;   ///< that nobody has taken
+};
+
 /// Owner of the map: seeds, local adjustment, culling, loops; in the caller's thread or in one of its own.
 ///
 /// With a thread, frames wait in a bounded queue: a frame that is no key frame is dropped when newer ones wait, a key
@@ -84,7 +93,8 @@ class Mapper {
   /// Waits until nothing is left to do.
   void finish();
 
-  /// T_camera_world of a key frame, or of one that was culled, through its heir. Caller holds the lock.
+  /// T_camera_world of a key frame, or of one that was culled, through its heir; of the last 10 000 that were. Caller
+  /// holds the lock.
   std::optional<Eigen::Isometry3d> pose_of(KeyFrameId id) const;
   /// T_camera_world of a frame by its key frame: when the key frame's scale has changed since, so has the frame's
   /// distance to it.
@@ -98,11 +108,12 @@ class Mapper {
     const std::lock_guard lock(mutex_);
     return map_.key_frames().size();
   }
+  MapSize size() const;
   int pieces() const { return pieces_; }
   int loops_closed() const { return loops_closed_; }
   std::uint64_t frames_dropped() const { return dropped_; }
 
-  /// Poses that a loop closure has moved, since the last call.
+  /// Key frames that a loop closure has moved since the last call, each once, where it is now.
   std::vector<CorrectedPose> take_corrections();
 
  private:
@@ -134,7 +145,12 @@ class Mapper {
   KeyFrameId ripe_key_frame() const;
   void close_loop(KeyFrameId id);
   void cull(KeyFrameId newest);
-  void drop_key_frame(KeyFrameId id);
+  /// Those that may go, in the order in which they should: with a full map all but the youngest.
+  std::vector<KeyFrameId> redundant_key_frames(KeyFrameId newest) const;
+  /// False when it has to stay.
+  bool drop_key_frame(KeyFrameId id);
+  void forget_key_frame(KeyFrameId id);
+  void note_correction(const KeyFrame& frame);
   void index_place(KeyFrameId id);
 
   CameraModel camera_;
@@ -144,8 +160,8 @@ class Mapper {
   mutable std::mutex mutex_;  // guards the members up to the next comment
   Map map_;
   PlaceIndex places_;
-  std::unordered_map<KeyFrameId, Heir> heirs_;
-  std::vector<CorrectedPose> corrections_;
+  std::map<KeyFrameId, Heir> heirs_;  // of key frames that went; an heir is in the map
+  std::map<KeyFrameId, CorrectedPose> corrections_;
   std::size_t seed_cursor_ = 0;  // where the next frame's updates begin, of all seeds in reach
   int pieces_ = 0;
   int loops_closed_ = 0;

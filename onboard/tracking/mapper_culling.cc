@@ -1,5 +1,7 @@
 // What goes: points not found again, seeds out of reach, redundant key frames.
 
+#include <algorithm>
+
 #include "onboard/tracking/mapper.h"
 
 namespace vantage::tracking {
@@ -9,6 +11,7 @@ constexpr int kMissedInRow = 20;            // a point that is visible and not f
 constexpr double kRedundantShare = 0.9;     // of a key frame's points are seen by ...
 constexpr std::size_t kRedundantViews = 4;  // ... so many others: it goes
 constexpr std::size_t kYoungKeyFrames = 8;  // are never redundant
+constexpr std::size_t kMostHeirs = 10000;   // key frames gone, whose frames' poses are still known
 
 }  // namespace
 
@@ -30,17 +33,18 @@ void Mapper::cull(KeyFrameId newest) {
     }
   }
   for (const LandmarkId id : gone) map_.remove_landmark(id);
-  // Key frames that say nothing new.
+  // One that says nothing new, at a time: what made two of them redundant may have been each other. More only when
+  // there are too many: every piece of map begins with two.
+  for (const KeyFrameId id : redundant_key_frames(newest)) {
+    if (drop_key_frame(id) && map_.key_frames().size() <= static_cast<std::size_t>(options_.most_key_frames)) break;
+  }
+}
+
+std::vector<KeyFrameId> Mapper::redundant_key_frames(KeyFrameId newest) const {
   std::vector<KeyFrameId> redundant;
-  const bool full = map_.key_frames().size() > static_cast<std::size_t>(options_.most_key_frames);
-  KeyFrameId most_redundant = 0;
-  double largest_share = -1;
+  std::vector<std::pair<double, KeyFrameId>> others;
   for (const auto& [id, frame] : map_.key_frames()) {
     if (id + kYoungKeyFrames > newest) break;
-    if (frame.features.empty()) {
-      redundant.push_back(id);
-      continue;
-    }
     int seen_elsewhere = 0, total = 0;
     for (const Feature& feature : frame.features) {
       const Landmark* landmark = map_.landmark(feature.landmark);
@@ -49,18 +53,19 @@ void Mapper::cull(KeyFrameId newest) {
       seen_elsewhere += landmark->observations.size() > kRedundantViews;
     }
     const double share = total > 0 ? static_cast<double>(seen_elsewhere) / total : 1;
-    if (share > kRedundantShare) redundant.push_back(id);
-    if (share > largest_share) {
-      largest_share = share;
-      most_redundant = id;
+    if (share > kRedundantShare) {
+      redundant.push_back(id);
+    } else {
+      others.emplace_back(-share, id);
     }
   }
-  if (redundant.empty() && full && most_redundant != 0) redundant.push_back(most_redundant);
-  // One at a time: what made two of them redundant may have been each other.
-  if (!redundant.empty()) drop_key_frame(redundant.front());
+  if (map_.key_frames().size() <= static_cast<std::size_t>(options_.most_key_frames)) return redundant;
+  std::stable_sort(others.begin(), others.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [share, id] : others) redundant.push_back(id);
+  return redundant;
 }
 
-void Mapper::drop_key_frame(KeyFrameId id) {
+bool Mapper::drop_key_frame(KeyFrameId id) {
   const KeyFrame& gone = *map_.key_frame(id);
   KeyFrameId heir = 0;
   if (const auto covisible = map_.covisible(id); !covisible.empty()) {
@@ -70,10 +75,29 @@ void Mapper::drop_key_frame(KeyFrameId id) {
       if (other != id && frame.map == gone.map) heir = other;
     }
   }
-  if (heir == 0) return;
+  if (heir == 0) {  // all that is left of a piece of map: it stays while there is room
+    if (map_.key_frames().size() <= static_cast<std::size_t>(options_.most_key_frames)) return false;
+    forget_key_frame(id);
+    return true;
+  }
   const KeyFrame& left = *map_.key_frame(heir);
-  heirs_[id] = {heir, gone.T_camera_world * left.T_camera_world.inverse(), gone.scale, left.scale};
+  const Heir inherited{heir, gone.T_camera_world * left.T_camera_world.inverse(), gone.scale, left.scale};
+  for (auto& [other, known] : heirs_) {
+    if (known.id != id) continue;
+    // What was known relative to this one is known relative to its heir: lengths in the scale that this one has now.
+    const double change = inherited.gone_scale / known.heir_scale;
+    known.T_gone_heir.translation() *= change;
+    known = {heir, known.T_gone_heir * inherited.T_gone_heir, known.gone_scale * change, inherited.heir_scale};
+  }
+  heirs_[id] = inherited;
+  if (heirs_.size() > kMostHeirs) heirs_.erase(heirs_.begin());
+  forget_key_frame(id);
+  return true;
+}
+
+void Mapper::forget_key_frame(KeyFrameId id) {
   places_.remove(id);
+  corrections_.erase(id);
   map_.remove_key_frame(id);
 }
 

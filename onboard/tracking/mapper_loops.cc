@@ -60,7 +60,7 @@ void Mapper::close_loop(KeyFrameId id) {
         if (frame.map != from) continue;
         map_.move_key_frame(&frame, S_world_world);
         frame.map = into;
-        corrections_.push_back({other, frame.sequence, frame.capture_time_ns, frame.T_camera_world.inverse()});
+        note_correction(frame);
       }
     } else {
       std::map<KeyFrameId, int> index;
@@ -94,7 +94,7 @@ void Mapper::close_loop(KeyFrameId id) {
       KeyFrame* frame = map_.key_frame(ids[i]);
       if (frame == nullptr) continue;
       map_.move_key_frame(frame, graph.nodes[i].S_camera_world.inverse() * Similarity::from(frame->T_camera_world));
-      corrections_.push_back({ids[i], frame->sequence, frame->capture_time_ns, frame->T_camera_world.inverse()});
+      note_correction(*frame);
     }
   }
   {
