@@ -25,24 +25,6 @@ using Seconds = std::chrono::duration<double>;
 
 constexpr double kSameTime_s = 0.005;  // between a frame and what the robot said of it
 
-Frame read_frame(const Recording& recording, std::size_t i) {
-  const StampedFile& file = recording.images[i];
-  auto image = std::make_shared<cv::Mat>(cv::imread(file.path.string(), cv::IMREAD_GRAYSCALE));
-  if (image->empty()) throw InputError(file.path.string() + ": not an image that can be read");
-  if (image->cols != recording.camera.width || image->rows != recording.camera.height) {
-    throw InputError(fmt::format("{}: is {} x {} pixels, the camera {} x {}", file.path.string(), image->cols,
-                                 image->rows, recording.camera.width, recording.camera.height));
-  }
-  Frame frame;
-  frame.sequence = i;
-  frame.capture_time_ns = std::llround(file.time_s * 1e9);
-  frame.image.width = image->cols;
-  frame.image.height = image->rows;
-  frame.image.stride = static_cast<std::ptrdiff_t>(image->step);
-  frame.image.pixels = {image, image->data};
-  return frame;
-}
-
 /// Reads images ahead of their time in a thread of its own, so that the disk is not measured.
 class Reader {
  public:
@@ -96,12 +78,6 @@ class Reader {
   bool stop_ = false;
   std::thread thread_;
 };
-
-std::optional<PosePrior> prior_at(const Recording& recording, double time_s) {
-  const StampedPose* pose = nearest_pose(recording.kinematics, time_s, kSameTime_s);
-  if (pose == nullptr) return std::nullopt;
-  return PosePrior{pose->T_world_camera, recording.kinematics_sigma_m, recording.kinematics_sigma_rad};
-}
 
 /// Seeks frames without a pose from their posed neighbours outwards: backward in time first, from where a map began or
 /// the camera was found again, then forward.
@@ -204,6 +180,30 @@ Recording open_recording(const std::filesystem::path& folder) {
   std::string why;
   if (!recording.camera.valid(&why)) throw InputError((folder / "camera.yaml").string() + ": " + why);
   return recording;
+}
+
+Frame read_frame(const Recording& recording, std::size_t i) {
+  const StampedFile& file = recording.images[i];
+  auto image = std::make_shared<cv::Mat>(cv::imread(file.path.string(), cv::IMREAD_GRAYSCALE));
+  if (image->empty()) throw InputError(file.path.string() + ": not an image that can be read");
+  if (image->cols != recording.camera.width || image->rows != recording.camera.height) {
+    throw InputError(fmt::format("{}: is {} x {} pixels, the camera {} x {}", file.path.string(), image->cols,
+                                 image->rows, recording.camera.width, recording.camera.height));
+  }
+  Frame frame;
+  frame.sequence = i;
+  frame.capture_time_ns = std::llround(file.time_s * 1e9);
+  frame.image.width = image->cols;
+  frame.image.height = image->rows;
+  frame.image.stride = static_cast<std::ptrdiff_t>(image->step);
+  frame.image.pixels = {image, image->data};
+  return frame;
+}
+
+std::optional<PosePrior> prior_at(const Recording& recording, double time_s) {
+  const StampedPose* pose = nearest_pose(recording.kinematics, time_s, kSameTime_s);
+  if (pose == nullptr) return std::nullopt;
+  return PosePrior{pose->T_world_camera, recording.kinematics_sigma_m, recording.kinematics_sigma_rad};
 }
 
 std::vector<StampedPose> with_noise(const std::vector<StampedPose>& truth, double sigma_m, double sigma_rad,

@@ -26,6 +26,12 @@ struct Recording {
 /// rgb.txt, camera.yaml and, when it is there, groundtruth.txt. \throws InputError.
 Recording open_recording(const std::filesystem::path& folder);
 
+/// Image `i` as a frame; its sequence number is `i`. \throws InputError when it can't be read or has another size.
+Frame read_frame(const Recording& recording, std::size_t i);
+
+/// What the robot said at that time; none when it is hand-held or said nothing.
+std::optional<PosePrior> prior_at(const Recording& recording, double time_s);
+
 /// Poses with independent noise a pose, as a robot's kinematics would give them.
 std::vector<StampedPose> with_noise(const std::vector<StampedPose>& truth, double sigma_m, double sigma_rad,
                                     std::uint64_t seed);

@@ -12,6 +12,7 @@
 #include "calib/program.h"
 #include "calib/rig.h"
 #include "drivers/camera/v4l2_camera.h"
+#include "onboard/tracking/endurance_run.h"
 #include "onboard/tracking/recording_run.h"
 
 namespace vantage::tracking {
@@ -21,7 +22,7 @@ constexpr std::string_view kDevicePrefix = "v4l2:";
 
 struct Arguments {
   std::string folder, out, states, kinematics, camera_file;
-  int frames = 0;
+  int frames = 0, rounds = 0;
   std::vector<double> sigma{0.002, 0.2};
   std::vector<double> noise;
   bool one_look = false;
@@ -34,7 +35,10 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("DIR", a.folder,
                  "recording in TUM layout: rgb.txt, camera.yaml, groundtruth.txt if known; or v4l2:DEVICE")
       ->required();
-  app.add_option("--out", a.out, "trajectory to write (TUM), frames that have a pose")->required();
+  app.add_option("--out", a.out, "trajectory to write (TUM), frames that have a pose");
+  app.add_option("--repeat", a.rounds,
+                 "instead: feed the recording so many times, and print what is held after each round")
+      ->check(CLI::PositiveNumber);
   app.add_option("--states", a.states, "write state, points and time of every frame");
   app.add_option("--realtime", a.run.realtime_fps, "frames come at this rate; those that come too early are dropped")
       ->check(CLI::Range(0.1, 1000.0));
@@ -68,6 +72,12 @@ int run_device(Arguments& a) {
 }
 
 int run(Arguments& a) {
+  if (a.out.empty() == (a.rounds == 0)) {
+    throw InputError("--out, --repeat: give one of them, e.g. --out trajectory.txt");
+  }
+  if (a.rounds > 0 && (!a.states.empty() || a.run.realtime_fps > 0 || a.folder.starts_with(kDevicePrefix))) {
+    throw InputError("--repeat: needs a recording, without --states and --realtime");
+  }
   if (a.folder.starts_with(kDevicePrefix)) return run_device(a);
   Recording recording = open_recording(a.folder);
   constexpr double kRadians = M_PI / 180;
@@ -83,6 +93,13 @@ int run(Arguments& a) {
     }
   } else if (!a.noise.empty()) {
     throw InputError("--kinematics-noise: needs --kinematics");
+  }
+  if (a.rounds > 0) {
+    run_rounds(recording, a.tracker, a.rounds, [](const RoundReport& report) {
+      fmt::print("{}\n", to_json(report));
+      std::fflush(stdout);
+    });
+    return kExitOk;
   }
   a.run.second_look = !a.one_look;
   a.tracker.mapper.threaded = a.run.realtime_fps > 0;
