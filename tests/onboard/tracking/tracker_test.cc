@@ -164,6 +164,60 @@ TEST(Tracker, AFullMapLetsItsMostRedundantKeyFrameGo) {
   EXPECT_LT(trajectory_error(r.trajectory, r.truth, true).rmse_m, 0.006) << "frames of key frames that went are kept";
 }
 
+/// Turns of a camera that goes nowhere.
+Eigen::Isometry3d turning(int way, int i) {
+  const Eigen::Vector3d at(0.2, -0.3, 0.9);
+  const double t = kStep_s * i;
+  switch (way) {
+    case 0:
+      return TexturedScene::pose(at, 0.6 * std::sin(0.7 * t));  // to and fro
+    case 1:
+      return TexturedScene::pose(at, -0.4 + 0.15 * t);  // on and on
+    case 2:
+      return TexturedScene::pose(at, 0.3 * std::sin(0.9 * t), 0.35 + 0.25 * std::sin(1.3 * t));
+    default: {
+      Eigen::Isometry3d T = TexturedScene::pose(at);  // about its axis
+      T.linear() = T.linear() * Eigen::AngleAxisd(0.8 * std::sin(0.8 * t), Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      return T;
+    }
+  }
+}
+
+TEST(Tracker, ACameraThatOnlyTurnsClaimsNoMap) {
+  for (int way = 0; way < 4; ++way) {
+    std::vector<Frame> frames;
+    for (int i = 0; i < 80; ++i) {
+      const auto seed = static_cast<std::uint64_t>(1000 * way + i);
+      frames.push_back(TexturedScene::render(quarter_camera(), turning(way, i), seed, 2));
+    }
+    for (const double focal_error : {0.0, 0.03, -0.03}) {  // nor when turns are taken for larger or smaller ones
+      CameraModel believed = quarter_camera();
+      believed.fx *= 1 + focal_error;
+      believed.fy *= 1 + focal_error;
+      Tracker tracker(believed);
+      for (const Frame& frame : frames) {
+        const TrackingResult result = tracker.process(frame);
+        ASSERT_FALSE(result.has_pose) << "way " << way << ", frame " << frame.sequence << ", focal " << focal_error;
+        ASSERT_EQ(result.state, TrackingState::kStarting);
+      }
+    }
+  }
+}
+
+TEST(Tracker, ACameraThatOnlyTurnsAtFirstStartsWhenItMoves) {
+  Tracker tracker(quarter_camera());
+  int first = -1;
+  for (int i = 0; i < 100; ++i) {
+    Eigen::Isometry3d pose = turning(0, i);
+    if (i >= 40) pose.translation().y() += 0.012 * (i - 40);
+    const TrackingResult result =
+        tracker.process(TexturedScene::render(quarter_camera(), pose, static_cast<std::uint64_t>(i)));
+    if (result.has_pose && first < 0) first = i;
+  }
+  EXPECT_GT(first, 40);
+  EXPECT_LT(first, 80);
+}
+
 TEST(Tracker, FramesOfAnotherSizeAreFramesWithoutAPose) {
   Tracker tracker(quarter_camera());
   CameraModel small = quarter_camera();
