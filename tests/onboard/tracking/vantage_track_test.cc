@@ -77,6 +77,18 @@ TEST_F(VantageTrack, WritesTheTrajectoryAndAllFiguresInItsLastLine) {
   EXPECT_TRUE(std::filesystem::exists(states));
 }
 
+TEST_F(VantageTrack, RepeatsARecordingAndSaysWhatItHolds) {
+  record(40);
+  const Outcome outcome = run_program(folder_.string() + " --repeat 3");
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_EQ(figure(outcome.output, "round"), 3);
+  EXPECT_EQ(figure(outcome.output, "frames"), 40);
+  EXPECT_GE(figure(outcome.output, "tracked"), 35);
+  EXPECT_GE(figure(outcome.output, "key_frames"), 2);
+  EXPECT_GT(figure(outcome.output, "landmarks"), 100);
+  EXPECT_GT(figure(outcome.output, "resident_mb"), 1);
+}
+
 TEST_F(VantageTrack, BadInputIsNamedWithStatusTwo) {
   const std::string out = " --out " + (folder_ / "out.txt").string();
   Outcome outcome = run_program("/nowhere/at-all" + out);
@@ -88,6 +100,11 @@ TEST_F(VantageTrack, BadInputIsNamedWithStatusTwo) {
   EXPECT_EQ(outcome.status, 2) << outcome.output;
   EXPECT_NE(outcome.output.find("missing.png"), std::string::npos) << outcome.output;
   EXPECT_EQ(run_program(folder_.string() + out + " --realtime none").status, 2);
+  for (const std::string& both_or_none : {std::string(), out + " --repeat 2"}) {
+    outcome = run_program(folder_.string() + both_or_none);
+    EXPECT_EQ(outcome.status, 2) << outcome.output;
+    EXPECT_NE(outcome.output.find("--repeat"), std::string::npos) << outcome.output;
+  }
 }
 
 }  // namespace
