@@ -7,6 +7,7 @@
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/pose_fields.h"
+#include "lcmtypes/link/waypoints.h"
 #include "onboard/preview_image.h"
 
 namespace vantage {
@@ -66,8 +67,15 @@ void RobotLink::on_command(const command_t& command) {
   presence_.set_command_counter(gate_.counter());
   switch (static_cast<CommandKind>(command.kind)) {
     case CommandKind::kGoal:
-      if (motion_goal_t goal; decode_message(command.payload, &goal, &goals_)) {
+      if (motion_goal_t goal; decode_message(command.payload, &goal, &payloads_)) {
         on_goal(goal);
+      } else {
+        ++refused_goals_;
+      }
+      return;
+    case CommandKind::kTrajectory:
+      if (trajectory_t trajectory; decode_message(command.payload, &trajectory, &payloads_)) {
+        on_trajectory(trajectory);
       } else {
         ++refused_goals_;
       }
@@ -105,6 +113,25 @@ void RobotLink::on_goal(const motion_goal_t& message) {
     return;
   }
   spdlog::info("goal {}: moving to view {}", message.goal_id, message.view_id);
+  send_state();
+}
+
+void RobotLink::on_trajectory(const trajectory_t& message) {
+  const RobotSnapshot now = executive_.snapshot();
+  if (message.sender == now.planner && message.trajectory_id <= now.goal_id) return;  // it is sent until it is taken up
+  const std::optional<std::vector<Eigen::Isometry3d>> way = waypoints_of(message);
+  ViewGoal goal{message.sender, message.trajectory_id, -1};
+  goal.expose = false;
+  if (way && !way->empty()) {
+    goal.T_world_camera = way->back();
+    goal.via.assign(way->begin(), way->end() - 1);
+  }
+  if (halt_ == Halt::kStopped || !way || way->empty() || !executive_.take_goal(goal)) {
+    ++refused_goals_;
+    if (refusals_.due()) spdlog::warn("trajectory refused: the robot is stopped, or a waypoint is no pose");
+    return;
+  }
+  spdlog::info("trajectory of {} waypoints", way->size());
   send_state();
 }
 
@@ -215,7 +242,7 @@ Status::Counters RobotLink::counters() const {
     all.emplace_back("planner.clock_uncertainty_us", offset->uncertainty_us);
   }
   add_decode_counters("door.commands", commands_, &all);
-  add_decode_counters("door.goals", goals_, &all);
+  add_decode_counters("door.payloads", payloads_, &all);
   add_decode_counters("door.heartbeats", presence_.decode_counters(), &all);
   add_decode_counters("door.receipts", sender_.decode_counters(), &all);
   if (options_.more_counters) {

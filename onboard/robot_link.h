@@ -7,6 +7,7 @@
 
 #include <vantage/motion_goal_t.hpp>
 #include <vantage/preview_t.hpp>
+#include <vantage/trajectory_t.hpp>
 
 #include "lcmtypes/link/clock.h"
 #include "lcmtypes/link/command_gate.h"
@@ -39,7 +40,8 @@ struct RobotEnd {
 
 /// The robot's side of the link: commands in, depth maps and state out, until there is a reason to end.
 ///
-/// A stop and a pause hold the camera where it is; goals are refused until a resume.
+/// A stop and a pause hold the camera where it is; goals are refused until a resume. Paused, it still follows
+/// trajectories: the planner waits while somebody moves the camera by hand.
 class RobotLink {
  public:
   /// All must outlive it. \throws InputError when the spool's folder can't be used.
@@ -54,7 +56,7 @@ class RobotLink {
 
   std::int64_t boot_id() const { return presence_.boot_id(); }
   const CommandGate::Counters& command_counters() const { return gate_.counters(); }
-  /// Goals with a valid command around them that could not be taken up: not decodable, no pose, stopped or paused.
+  /// Goals and trajectories in a valid command that could not be taken up: not decodable, no pose, stopped or paused.
   std::uint64_t refused_goals() const { return refused_goals_; }
   const DepthMapSender& sender() const { return sender_; }
 
@@ -63,6 +65,7 @@ class RobotLink {
 
   void on_command(const command_t& command);
   void on_goal(const motion_goal_t& goal);
+  void on_trajectory(const trajectory_t& trajectory);
   void halt(Halt halt);
   void send_state();
   void send_finished_map();
@@ -79,7 +82,7 @@ class RobotLink {
   DepthMapSender sender_;
   CommandGate gate_;
   Status status_;
-  DecodeCounters commands_, goals_;
+  DecodeCounters commands_, payloads_;
   RareLog refusals_, spool_words_;
   Halt halt_ = Halt::kNone;
   std::optional<preview_t> preview_;  // waits until the line is free

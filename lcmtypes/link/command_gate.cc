@@ -9,9 +9,10 @@ bool CommandGate::admit(const command_t& command, std::int64_t now) {
     ++*reason;
     return false;
   };
-  const bool goal = command.kind == static_cast<std::int8_t>(CommandKind::kGoal);
+  const bool carries = command.kind == static_cast<std::int8_t>(CommandKind::kGoal) ||
+                       command.kind == static_cast<std::int8_t>(CommandKind::kTrajectory);
   if (command.kind < static_cast<std::int8_t>(CommandKind::kGoal) ||
-      command.kind > static_cast<std::int8_t>(CommandKind::kResume) || goal == command.payload.empty()) {
+      command.kind > static_cast<std::int8_t>(CommandKind::kTrajectory) || carries == command.payload.empty()) {
     return refuse(&counters_.unknown_kind);
   }
   if (command.kind == static_cast<std::int8_t>(CommandKind::kStop)) {

@@ -7,7 +7,7 @@
 
 namespace vantage {
 
-enum class CommandKind : std::int8_t { kGoal = 0, kStop = 1, kPause = 2, kResume = 3 };
+enum class CommandKind : std::int8_t { kGoal = 0, kStop = 1, kPause = 2, kResume = 3, kTrajectory = 4 };
 
 /// The longest a command may be valid for: whoever holds one back can't use it later.
 inline constexpr std::chrono::seconds kLongestCommandLife{10};

@@ -16,7 +16,8 @@ class CommandSender {
   CommandSender(MessageBus& bus, const Clock& clock, const Presence& robot);
 
   /// Sends once; datagrams get lost, so send again until the robot's state shows it. False, and nothing goes out, while
-  /// no robot has been heard; a stop goes out all the same. `payload`: of a goal, the encoded motion_goal_t.
+  /// no robot has been heard; a stop goes out all the same. `payload`: the encoded motion_goal_t
+  /// or trajectory_t of those kinds.
   bool send(CommandKind kind, std::span<const std::uint8_t> payload = {});
 
  private:

@@ -91,6 +91,7 @@ bool layout_fits(std::string_view layout, std::span<const std::uint8_t> bytes) {
       case 'B':
       case 'I':
       case 'Q':
+      case 'D':
         fits = walker.skip(lengths[static_cast<std::size_t>(layout[++i] - '0')], code == 'B' ? 1 : code == 'I' ? 4 : 8);
         break;
       case 'S':

@@ -15,6 +15,7 @@
 #include <vantage/robot_state_t.hpp>
 #include <vantage/session_config_t.hpp>
 #include <vantage/status_t.hpp>
+#include <vantage/trajectory_t.hpp>
 
 namespace vantage {
 
@@ -23,7 +24,7 @@ namespace vantage {
 ///
 ///   q i b   64-, 32- and 8-bit integer (boolean and byte too)      d   double
 ///   n       32-bit length of arrays that follow; the first is 0, the second 1, …
-///   B0 I0 Q0 S0   array of that length of bytes, 32- or 64-bit integers, strings      s   string
+///   B0 I0 Q0 D0 S0   array of that length of bytes, 32- or 64-bit integers, doubles, strings      s   string
 ///
 /// A number before a letter repeats it. A test compares every layout with the generated encoder.
 template <typename Message>
@@ -49,6 +50,8 @@ template <>
 inline constexpr std::string_view kWireLayout<command_t> = "5q b n B0";
 template <>
 inline constexpr std::string_view kWireLayout<status_t> = "2q b q n S0 Q0";
+template <>
+inline constexpr std::string_view kWireLayout<trajectory_t> = "3q n D0";
 template <>
 inline constexpr std::string_view kWireLayout<preview_t> = "2q 2i n B0";
 

@@ -1,5 +1,6 @@
 #include "onboard/executive/executive.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -42,7 +43,7 @@ Executive::~Executive() {
 }
 
 bool Executive::take_goal(const ViewGoal& goal) {
-  if (!is_rigid(goal.T_world_camera)) return false;
+  if (!is_rigid(goal.T_world_camera) || !std::all_of(goal.via.begin(), goal.via.end(), is_rigid)) return false;
   {
     const std::lock_guard lock(mutex_);
     next_goal_ = goal;
@@ -115,13 +116,18 @@ void Executive::run() {
         continue;
       }
     }
-    if (fly(goal)) capture(goal);
+    if (!follow(goal)) continue;
+    if (goal.expose) {
+      capture(goal);
+    } else {
+      arrive();
+    }
   }
 }
 
 /// True when the camera has arrived; false when another goal, a hold or the end came first.
-bool Executive::fly(const ViewGoal& goal) {
-  const FreeFlight flight(snapshot().T_world_camera, goal.T_world_camera, limits_);
+bool Executive::fly(const Eigen::Isometry3d& to) {
+  const FreeFlight flight(snapshot().T_world_camera, to, limits_);
   const steady_clock::time_point start = steady_clock::now();
   steady_clock::time_point tick = start;
   for (;;) {
@@ -139,6 +145,18 @@ bool Executive::fly(const ViewGoal& goal) {
     if (time_s >= flight.duration_s()) return true;
     std::this_thread::sleep_until(tick += kControlPeriod);
   }
+}
+
+bool Executive::follow(const ViewGoal& goal) {
+  return std::all_of(goal.via.begin(), goal.via.end(), [this](const auto& pose) { return fly(pose); }) &&
+         fly(goal.T_world_camera);
+}
+
+void Executive::arrive() {
+  const std::lock_guard lock(mutex_);
+  if (next_goal_) return;
+  goal_reached_ = !hold_;
+  snapshot_.activity = Activity::kIdle;
 }
 
 bool Executive::capture(const ViewGoal& goal) {
@@ -161,12 +179,12 @@ bool Executive::capture(const ViewGoal& goal) {
   }
   map.goal_id = goal.goal_id;
   map.view_id = goal.view_id;
-  const std::lock_guard lock(mutex_);
-  finished_ = std::move(map);
-  frame_ = std::move(frame);
-  if (next_goal_) return true;
-  goal_reached_ = !hold_;
-  snapshot_.activity = Activity::kIdle;
+  {
+    const std::lock_guard lock(mutex_);
+    finished_ = std::move(map);
+    frame_ = std::move(frame);
+  }
+  arrive();
   return true;
 }
 

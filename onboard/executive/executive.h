@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -17,12 +18,14 @@
 
 namespace vantage {
 
-/// A view that the planner wants.
+/// A view that the planner wants, or a way that somebody drew.
 struct ViewGoal {
   std::int64_t planner = 0;  ///< boot id of who asks
   std::int64_t goal_id = 0;
   std::int64_t view_id = -1;
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+  std::vector<Eigen::Isometry3d> via = {};  ///< poses to go through first, in order, with a rest at each
+  bool expose = true;                       ///< make a depth map there
 };
 
 enum class Activity : std::int8_t { kIdle = 0, kMoving = 1, kCapturing = 2 };
@@ -46,7 +49,7 @@ class Executive {
   Executive(FrameSource& camera, CameraCarrier& carrier, StereoDepth& depth, const FlightLimits& limits);
   ~Executive();
 
-  /// Takes up a goal. False, and nothing changes, when its pose is not rigid.
+  /// Takes up a goal. False, and nothing changes, when one of its poses is not rigid.
   bool take_goal(const ViewGoal& goal);
   /// Stops where the camera is; a goal under way is forgotten, and is in the snapshot no more.
   void hold();
@@ -60,7 +63,9 @@ class Executive {
 
  private:
   void run();
-  bool fly(const ViewGoal& goal);
+  bool fly(const Eigen::Isometry3d& to);
+  bool follow(const ViewGoal& goal);
+  void arrive();
   bool capture(const ViewGoal& goal);
   bool superseded() const;
   void end(const std::string& reason);
@@ -78,7 +83,7 @@ class Executive {
   RobotSnapshot snapshot_;
   std::string end_reason_;
   bool hold_ = false, stop_ = false;
-  bool goal_reached_ = false;  // its depth map has been made
+  bool goal_reached_ = false;  // the camera is there, and has exposed if it was to
 
   std::thread thread_;
 };

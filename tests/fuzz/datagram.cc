@@ -34,6 +34,7 @@ void decode_as_each(Bytes bytes) {
   decode<robot_state_t>(bytes);
   decode<session_config_t>(bytes);
   decode<status_t>(bytes);
+  decode<trajectory_t>(bytes);
   depth_map_t map;
   DecodeCounters counters;
   std::string why;

@@ -67,7 +67,7 @@ TEST(CommandGate, AStopIsObeyedAtAnyTime) {
 
 TEST(CommandGate, WhatIsNoCommandIsRefused) {
   CommandGate gate(kRobot);
-  for (const int kind : {-1, 4, 127}) {
+  for (const int kind : {-1, 5, 127}) {
     command_t strange = command(CommandKind::kPause, 1);
     strange.kind = static_cast<std::int8_t>(kind);
     EXPECT_FALSE(gate.admit(strange, kNow));

@@ -60,6 +60,13 @@ preview_t sample_preview() {
   return preview;
 }
 
+trajectory_t sample_trajectory() {
+  trajectory_t trajectory{};
+  trajectory.numbers = 7;
+  trajectory.waypoint = {1, 2, 3, 0, 0, 0, 1};
+  return trajectory;
+}
+
 template <typename Message>
 void expect_layout_equals_generated_code(const Message& message) {
   SCOPED_TRACE(Message::getTypeName());
@@ -91,6 +98,7 @@ TEST(Message, LayoutsEqualTheGeneratedCode) {
   expect_layout_equals_generated_code(sample_command());
   expect_layout_equals_generated_code(sample_status());
   expect_layout_equals_generated_code(sample_preview());
+  expect_layout_equals_generated_code(sample_trajectory());
 }
 
 TEST(Message, AnotherTypeIsRefused) {

@@ -10,6 +10,7 @@
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/depth_map_receiver.h"
 #include "lcmtypes/link/memory_bus.h"
+#include "lcmtypes/link/waypoints.h"
 #include "tests/onboard/fake_robot.h"
 
 namespace vantage {
@@ -178,6 +179,41 @@ TEST_F(RobotLinkTest, AStopHoldsUntilAResume) {
   EXPECT_FALSE(run(link, nullptr, 30, &end));
   EXPECT_LT(last_state_.activity, 3);
   EXPECT_EQ(last_state_.goal_id, 1);
+}
+
+TEST_F(RobotLinkTest, PausedItFollowsATrajectoryStoppedItDoesNot) {
+  RobotLink link(bus_, clock_, executive_, "1");
+  RobotEnd end;
+  trajectory_t way{};
+  way.sender = 99;
+  way.trajectory_id = 1;
+  std::vector<Eigen::Isometry3d> poses(2, Eigen::Isometry3d::Identity());
+  poses[0].translation().x() = 0.1;
+  poses[1].translation().y() = 0.1;
+  set_waypoints(poses, &way);
+  send(link, CommandKind::kPause);
+  send(link, CommandKind::kTrajectory, encode_message(way));
+  for (int i = 0; i < 3000 && last_state_.position[1] != 0.1; ++i) ASSERT_FALSE(run(link, nullptr, 1, &end));
+  EXPECT_EQ(last_state_.position[1], 0.1);
+  EXPECT_EQ(last_state_.planner, 99);
+  EXPECT_EQ(last_state_.activity, 3);
+
+  send(link, CommandKind::kStop);
+  way.trajectory_id = 2;
+  send(link, CommandKind::kTrajectory, encode_message(way));
+  EXPECT_FALSE(run(link, nullptr, 30, &end));
+  EXPECT_EQ(link.refused_goals(), 1u);
+  send(link, CommandKind::kResume);
+  way.waypoint[3] = std::nan("");
+  send(link, CommandKind::kTrajectory, encode_message(way));
+  way.waypoint.pop_back();
+  way.numbers = 13;
+  send(link, CommandKind::kTrajectory, encode_message(way));
+  way.waypoint.clear();
+  way.numbers = 0;
+  send(link, CommandKind::kTrajectory, encode_message(way));
+  EXPECT_FALSE(run(link, nullptr, 30, &end));
+  EXPECT_EQ(link.refused_goals(), 4u);
 }
 
 TEST_F(RobotLinkTest, AGoalForgottenInAPauseIsShownAsSuch) {

@@ -200,6 +200,25 @@ test_keys() {
   expect_end "$onboard" 5 0 vantage-onboard
 }
 
+# --- Somebody leads a paused robot; the planner's goal comes after the resume.
+test_lead() {
+  printf '0 0.6 0 0.4 -0.5 -0.5 0.5 0.5\n1 0.6 0.2 0.5 -0.5 -0.5 0.5 0.5\n' >"$scratch/way.txt"
+  start_robot
+  for _ in $(seq 200); do grep -q 'waiting for goals' "$scratch/onboard.log" && break; sleep 0.1; done
+  expect_status 0 "$bin/vantage-command" pause
+  expect_status 0 "$bin/vantage-command" follow "$scratch/way.txt"
+  grep -q '^there' "$scratch/out.log" || fail "does not say that it is there"
+  grep -q 'trajectory of 2 waypoints' "$scratch/onboard.log" || fail "the robot does not say that it follows"
+  expect_status 0 "$bin/vantage-command" stop
+  expect_status 3 "$bin/vantage-command" follow "$scratch/way.txt"
+  expect_status 0 "$bin/vantage-command" resume
+  start_planner --most-views 1
+  expect_end "$offboard" 40 0 vantage-offboard
+  expect_end "$onboard" 5 0 vantage-onboard
+  expect_error "none.txt" "$bin/vantage-command" follow "$scratch/none.txt"
+  expect_error "a FILE belongs to follow" "$bin/vantage-command" pause "$scratch/way.txt"
+}
+
 # --- A planner that was killed goes on with its session.
 test_resume() {
   start_robot --on-lost-planner hold

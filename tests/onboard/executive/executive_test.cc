@@ -87,6 +87,29 @@ TEST_F(ExecutiveTest, HoldStopsWhereItIs) {
   EXPECT_FALSE(executive.fetch_depth_map());
 }
 
+TEST_F(ExecutiveTest, GoesThroughEveryWaypointInOrderAndDoesNotExposeUnasked) {
+  Executive executive(robot_, robot_, depth_, limits_);
+  const int exposures = robot_.exposures();
+  ViewGoal way = goal_at(1, {0.2, 0.2, 0});
+  way.expose = false;
+  for (const Eigen::Vector3d& position : {Eigen::Vector3d(0.2, 0, 0), Eigen::Vector3d(0, 0.2, 0)}) {
+    way.via.emplace_back(Eigen::Translation3d(position));
+  }
+  ASSERT_TRUE(executive.take_goal(way));
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == Activity::kIdle; }));
+  std::size_t next = 0;
+  const std::vector<Eigen::Vector3d> corners = {{0.2, 0, 0}, {0, 0.2, 0}, {0.2, 0.2, 0}};
+  for (const Eigen::Isometry3d& pose : robot_.path()) {
+    if (next < corners.size() && pose.translation().isApprox(corners[next])) ++next;
+  }
+  EXPECT_EQ(next, corners.size());
+  EXPECT_EQ(executive.snapshot().goal_id, 1);
+  EXPECT_FALSE(executive.fetch_depth_map());
+  EXPECT_EQ(robot_.exposures(), exposures);
+  way.via[0].linear() *= 2;
+  EXPECT_FALSE(executive.take_goal(way));
+}
+
 TEST_F(ExecutiveTest, ADepthMapThatIsNotFetchedIsNotReplaced) {
   Executive executive(robot_, robot_, depth_, limits_);
   ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0})));
