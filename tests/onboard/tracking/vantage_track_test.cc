@@ -21,7 +21,8 @@ struct Outcome {
 };
 
 Outcome run_program(const std::string& arguments) {
-  FILE* pipe = ::popen((std::string(VANTAGE_TRACK_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
+  const std::string environment = "TSAN_OPTIONS=\"$TSAN_OPTIONS suppressions=" VANTAGE_TRACK_SUPPRESSIONS "\" ";
+  FILE* pipe = ::popen((environment + VANTAGE_TRACK_PROGRAM + " " + arguments + " 2>&1").c_str(), "r");
   std::string output;
   char buffer[256];
   while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) output += buffer;
