@@ -24,7 +24,8 @@ class LinkKeyTest : public testing::Test {
     }
     return "";
   }
-  const fs::path path_ = fs::path(testing::TempDir()) / "link_key_test.key";
+  const fs::path path_ = fs::path(testing::TempDir()) /
+                         (std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".key");
 };
 
 TEST_F(LinkKeyTest, IsReadBack) {

@@ -42,7 +42,7 @@ class Check : public LogFolder {
 };
 
 TEST_F(Check, AWholeLogHasNoFault) {
-  write_sample_log(log_, 4, {.part_bytes = 20'000});
+  write_sample_log(log_, 4, {.part_bytes = 10'000});
   ASSERT_GT(count_log_parts(log_), 1u);
   const LogCheck found = check();
   EXPECT_EQ(found.faults, 0) << lines_.str();
@@ -182,7 +182,7 @@ TEST_F(Check, RandomBytesNeverCrashTheTools) {
 }
 
 TEST_F(Check, InfoCountsWhatWasWritten) {
-  write_sample_log(log_, 4, {.part_bytes = 20'000});
+  write_sample_log(log_, 4, {.part_bytes = 10'000});
   const LogInfo info = read_log_info(log_);
   EXPECT_EQ(info.parts, count_log_parts(log_));
   EXPECT_EQ(info.events, 29);

@@ -14,7 +14,7 @@ class Cut : public LogFolder {
  protected:
   void SetUp() override {
     LogFolder::SetUp();
-    write_sample_log(log_, 4, {.part_bytes = 20'000});
+    write_sample_log(log_, 4, {.part_bytes = 10'000});
     all_ = read(log_);
   }
   static std::vector<LogEvent> read(const fs::path& log) {
