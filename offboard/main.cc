@@ -76,6 +76,9 @@ PlannerEnd run_live(const Arguments& arguments, NetworkLink& network, const Cloc
   PlannerEnd end;
   try {
     while (!link.step(&end)) {
+      if (const auto refused = network.seals_to_tell()) {
+        spdlog::warn("{} messages with a wrong seal so far: somebody has no key, or another one", *refused);
+      }
       if (!interrupted) continue;
       end = {session.planning() ? kExitFailure : kExitOk, "interrupted"};
       break;

@@ -92,6 +92,9 @@ int run(const Arguments& arguments) {
     RobotLink link(network.bus(), clock, executive, VANTAGE_VERSION, options);
     spdlog::info("camera {}: {} x {}; waiting for goals", arguments.camera, rig.camera.width, rig.camera.height);
     while (!link.step(&end)) {
+      if (const auto refused = network.seals_to_tell()) {
+        spdlog::warn("{} messages with a wrong seal so far: somebody has no key, or another one", *refused);
+      }
       if (!interrupted) continue;
       end = {kExitOk, "interrupted"};
       break;

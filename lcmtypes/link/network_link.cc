@@ -17,6 +17,11 @@ NetworkLink::NetworkLink(const NetworkOptions& options) : lcm_(options.url) {
   }
 }
 
+std::optional<std::uint64_t> NetworkLink::seals_to_tell() {
+  if (!sealed_ || sealed_->refused() == told_ || !words_.due()) return std::nullopt;
+  return told_ = sealed_->refused();
+}
+
 Status::Counters NetworkLink::counters() const {
   const UdpGroupReceiver::Counters datagrams = lcm_.counters();
   return {{"datagrams.accepted", datagrams.accepted},       {"datagrams.foreign", datagrams.foreign},

@@ -2,10 +2,13 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "lcmtypes/link/clock.h"
 #include "lcmtypes/link/lcm_bus.h"
+#include "lcmtypes/link/rare_log.h"
 #include "lcmtypes/link/sealed_bus.h"
 #include "lcmtypes/link/status.h"
 
@@ -26,12 +29,18 @@ class NetworkLink {
   explicit NetworkLink(const NetworkOptions& options);
 
   MessageBus& bus() { return sealed_ ? static_cast<MessageBus&>(*sealed_) : lcm_; }
-  /// For the program's status: what was refused at the seal.
+  /// For the program's status: what came, and what was refused before it was decoded.
   Status::Counters counters() const;
+  /// How many messages had no right seal so far, when that has grown since it was told, once a second at most: for the
+  /// log.
+  std::optional<std::uint64_t> seals_to_tell();
 
  private:
   LcmBus lcm_;
   std::unique_ptr<SealedBus> sealed_;
+  SystemClock clock_;
+  RareLog words_{clock_};
+  std::uint64_t told_ = 0;
 };
 
 }  // namespace vantage

@@ -188,6 +188,9 @@ test_keys() {
   expect_status 3 "$bin/vantage-command" stop
   expect_status 3 "$bin/vantage-command" stop --key "$scratch/foreign"
   if grep -q 'stands still' "$scratch/onboard.log"; then fail "a stranger stopped the robot"; fi
+  local lines
+  lines=$(grep -c 'with a wrong seal so far' "$scratch/onboard.log") || fail "the robot does not say that strangers spoke"
+  ((lines <= 8)) || fail "the robot says more than once a second that strangers spoke"
   # The robot seals with its first key; whoever has one of its others is obeyed but hears nothing.
   expect_status 0 "$bin/vantage-command" stop --key "$scratch/key"
   grep -q 'stop: the camera stands still' "$scratch/onboard.log" || fail "the robot does not stop"
