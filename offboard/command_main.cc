@@ -15,6 +15,7 @@
 #include "lcmtypes/link/command_sender.h"
 #include "lcmtypes/link/network_link.h"
 #include "lcmtypes/link/pose_fields.h"
+#include "lcmtypes/link/robot_activity.h"
 #include "lcmtypes/link/waypoints.h"
 
 namespace vantage {
@@ -24,7 +25,6 @@ using std::chrono::milliseconds;
 
 constexpr std::chrono::seconds kPatience{3};
 constexpr milliseconds kPeriod{50};
-constexpr std::int8_t kPausedCode = 3, kStoppedCode = 4;  // robot_state_t::activity
 
 /// The robot as it is heard, and how to speak to it.
 class Operator {
@@ -102,8 +102,8 @@ class Operator {
 int say(const std::string& word, CommandKind kind, const NetworkOptions& options) {
   Operator robot(options);
   const bool obeyed = robot.tell(kind, {}, [kind](const robot_state_t& state) {
-    if (kind == CommandKind::kStop) return state.activity == kStoppedCode;
-    return (state.activity >= kPausedCode) == (kind == CommandKind::kPause);
+    if (kind == CommandKind::kStop) return state.activity == static_cast<std::int8_t>(RobotActivity::kStopped);
+    return is_halted(state.activity) == (kind == CommandKind::kPause);
   });
   if (!obeyed) return robot.fail("the robot is heard, but does not show that it obeys");
   std::printf("%s: done\n", word.c_str());

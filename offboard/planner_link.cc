@@ -7,14 +7,14 @@
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/digest.h"
 #include "lcmtypes/link/pose_fields.h"
+#include "lcmtypes/link/robot_activity.h"
 
 namespace vantage {
 namespace {
 
 constexpr std::chrono::milliseconds kReceivePatience{2};
 constexpr std::chrono::milliseconds kGoalPeriod{200};
-constexpr int kGoalIdStepBits = 16;          // of a goal's id count the run's goals; the rest is random
-constexpr std::int8_t kFirstHaltedCode = 3;  // robot_state_t::activity: paused, stopped
+constexpr int kGoalIdStepBits = 16;  // of a goal's id count the run's goals; the rest is random
 
 }  // namespace
 
@@ -80,7 +80,7 @@ void PlannerLink::on_depth_map(const depth_map_t& map) {
 
 void PlannerLink::on_robot_state(const robot_state_t& state) {
   goal_taken_up_ = goal_set_ && state.planner == goal_.planner && state.goal_id == goal_.goal_id;
-  if (state.activity >= kFirstHaltedCode) {
+  if (is_halted(state.activity)) {
     goal_since_ = clock_.monotonic();  // it will not get there before somebody lets it go on
     if (waiting_words_.due()) spdlog::info("the robot is halted; vantage-command resume lets it go on");
   }

@@ -7,6 +7,7 @@
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/pose_fields.h"
+#include "lcmtypes/link/robot_activity.h"
 #include "lcmtypes/link/waypoints.h"
 #include "onboard/preview_image.h"
 
@@ -15,9 +16,6 @@ namespace {
 
 constexpr std::chrono::milliseconds kStatePeriod{100};
 constexpr std::chrono::milliseconds kReceivePatience{1};
-
-/// Codes of robot_state_t::activity beyond those of Activity.
-constexpr std::int8_t kPausedCode = 3, kStoppedCode = 4;
 
 }  // namespace
 
@@ -142,9 +140,9 @@ void RobotLink::send_state() {
   state.session = presence_.boot_id();
   state.planner = now.planner;
   state.goal_id = now.goal_id;
-  state.activity = halt_ == Halt::kStopped  ? kStoppedCode
-                   : halt_ == Halt::kPaused ? kPausedCode
-                                            : static_cast<std::int8_t>(now.activity);
+  state.activity = static_cast<std::int8_t>(halt_ == Halt::kStopped  ? RobotActivity::kStopped
+                                            : halt_ == Halt::kPaused ? RobotActivity::kPaused
+                                                                     : now.activity);
   set_pose(now.T_world_camera, &state);
   publish_message(bus_, channel::kRobotState, state);
   last_state_ = clock_.monotonic();

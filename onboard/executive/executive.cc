@@ -50,7 +50,7 @@ bool Executive::take_goal(const ViewGoal& goal) {
     hold_ = goal_reached_ = false;
     snapshot_.planner = goal.planner;
     snapshot_.goal_id = goal.goal_id;
-    snapshot_.activity = Activity::kMoving;
+    snapshot_.activity = RobotActivity::kMoving;
   }
   changed_.notify_all();
   return true;
@@ -61,7 +61,7 @@ void Executive::hold() {
   next_goal_.reset();
   hold_ = true;
   if (!goal_reached_) snapshot_.planner = snapshot_.goal_id = 0;
-  snapshot_.activity = Activity::kIdle;
+  snapshot_.activity = RobotActivity::kIdle;
 }
 
 RobotSnapshot Executive::snapshot() const {
@@ -93,7 +93,7 @@ bool Executive::ended(std::string* reason) const {
 void Executive::end(const std::string& reason) {
   const std::lock_guard lock(mutex_);
   end_reason_ = reason.empty() ? "the camera's carrier has gone" : reason;
-  snapshot_.activity = Activity::kIdle;
+  snapshot_.activity = RobotActivity::kIdle;
 }
 
 bool Executive::superseded() const {
@@ -156,14 +156,14 @@ void Executive::arrive() {
   const std::lock_guard lock(mutex_);
   if (next_goal_) return;
   goal_reached_ = !hold_;
-  snapshot_.activity = Activity::kIdle;
+  snapshot_.activity = RobotActivity::kIdle;
 }
 
 bool Executive::capture(const ViewGoal& goal) {
   {
     const std::lock_guard lock(mutex_);
     if (next_goal_ || hold_) return false;
-    snapshot_.activity = Activity::kCapturing;
+    snapshot_.activity = RobotActivity::kCapturing;
   }
   Frame frame;
   FrameStatus status = FrameStatus::kTimeout;

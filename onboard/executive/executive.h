@@ -14,6 +14,7 @@
 #include "drivers/camera/stereo_depth.h"
 #include "drivers/robot/camera_carrier.h"
 #include "lcmtypes/link/depth_map.h"
+#include "lcmtypes/link/robot_activity.h"
 #include "onboard/executive/free_flight.h"
 
 namespace vantage {
@@ -28,12 +29,10 @@ struct ViewGoal {
   bool expose = true;                       ///< make a depth map there
 };
 
-enum class Activity : std::int8_t { kIdle = 0, kMoving = 1, kCapturing = 2 };
-
 /// What the robot is doing, at one moment.
 struct RobotSnapshot {
-  Activity activity = Activity::kIdle;
-  std::int64_t planner = 0, goal_id = 0;  ///< of the goal taken up last; 0: none yet, or it was forgotten
+  RobotActivity activity = RobotActivity::kIdle;  ///< idle, moving or capturing
+  std::int64_t planner = 0, goal_id = 0;          ///< of the goal taken up last; 0: none yet, or it was forgotten
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
 };
 

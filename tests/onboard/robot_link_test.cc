@@ -124,7 +124,7 @@ TEST_F(RobotLinkTest, OrIsWaitedForInStandstill) {
   RobotEnd end;
   EXPECT_FALSE(run(link, &planner, 50, &end));
   EXPECT_FALSE(run(link, nullptr, 1000, &end));
-  EXPECT_EQ(executive_.snapshot().activity, Activity::kIdle);
+  EXPECT_EQ(executive_.snapshot().activity, RobotActivity::kIdle);
   EXPECT_FALSE(run(link, &planner, 50, &end));
   planner.say_finished("done");
   ASSERT_TRUE(run(link, nullptr, 5, &end));

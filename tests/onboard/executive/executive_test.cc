@@ -37,7 +37,7 @@ class ExecutiveTest : public testing::Test {
 
 TEST_F(ExecutiveTest, FliesExposesAndHandsOverOnce) {
   Executive executive(robot_, robot_, depth_, limits_);
-  EXPECT_EQ(executive.snapshot().activity, Activity::kIdle);
+  EXPECT_EQ(executive.snapshot().activity, RobotActivity::kIdle);
   ASSERT_TRUE(executive.take_goal(goal_at(3, {0.4, 0, 0})));
   std::optional<DepthMap> map;
   ASSERT_TRUE(within(milliseconds(5000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
@@ -46,7 +46,7 @@ TEST_F(ExecutiveTest, FliesExposesAndHandsOverOnce) {
   EXPECT_EQ(map->T_world_camera.translation(), Eigen::Vector3d(0.4, 0, 0));
   EXPECT_FALSE(executive.fetch_depth_map());
   EXPECT_EQ(executive.snapshot().goal_id, 3);
-  EXPECT_EQ(executive.snapshot().activity, Activity::kIdle);
+  EXPECT_EQ(executive.snapshot().activity, RobotActivity::kIdle);
   EXPECT_GT(robot_.path().size(), 3u);  // it flew; it did not jump
 }
 
@@ -83,7 +83,7 @@ TEST_F(ExecutiveTest, HoldStopsWhereItIs) {
   const std::size_t stopped = robot_.path().size();
   std::this_thread::sleep_for(milliseconds(200));
   EXPECT_EQ(robot_.path().size(), stopped);
-  EXPECT_EQ(executive.snapshot().activity, Activity::kIdle);
+  EXPECT_EQ(executive.snapshot().activity, RobotActivity::kIdle);
   EXPECT_FALSE(executive.fetch_depth_map());
 }
 
@@ -96,7 +96,7 @@ TEST_F(ExecutiveTest, GoesThroughEveryWaypointInOrderAndDoesNotExposeUnasked) {
     way.via.emplace_back(Eigen::Translation3d(position));
   }
   ASSERT_TRUE(executive.take_goal(way));
-  ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == Activity::kIdle; }));
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == RobotActivity::kIdle; }));
   std::size_t next = 0;
   const std::vector<Eigen::Vector3d> corners = {{0.2, 0, 0}, {0, 0.2, 0}, {0.2, 0.2, 0}};
   for (const Eigen::Isometry3d& pose : robot_.path()) {
@@ -113,7 +113,7 @@ TEST_F(ExecutiveTest, GoesThroughEveryWaypointInOrderAndDoesNotExposeUnasked) {
 TEST_F(ExecutiveTest, ADepthMapThatIsNotFetchedIsNotReplaced) {
   Executive executive(robot_, robot_, depth_, limits_);
   ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0})));
-  ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == Activity::kIdle; }));
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == RobotActivity::kIdle; }));
   ASSERT_TRUE(executive.take_goal(goal_at(2, {0.2, 0, 0})));
   std::this_thread::sleep_for(milliseconds(200));
   EXPECT_EQ(executive.fetch_depth_map()->goal_id, 1);
