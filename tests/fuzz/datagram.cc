@@ -59,7 +59,7 @@ void datagram(Bytes input) {
     if (gate.admit(command, clock.utime()) && !stop && gate.counter() <= before) std::abort();
   });
   while (input.size() >= 2) {
-    const std::size_t size = std::min<std::size_t>(input[0] | input[1] << 8, input.size() - 2);
+    const std::size_t size = std::min(std::size_t{input[0]} | std::size_t{input[1]} << 8, input.size() - 2);
     const LcmDatagram parsed = parse_lcm_datagram(input.subspan(2, size));
     input = input.subspan(2 + size);
     if (parsed.channel.empty()) continue;
