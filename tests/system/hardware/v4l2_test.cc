@@ -1,21 +1,19 @@
 // V4L2 of a real kernel: vivid's capture node shows what is written to its output node.
 
 #include <atomic>
-#include <cerrno>
 #include <cstring>
 #include <thread>
 
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
-#include <poll.h>
 #include <sys/ioctl.h>
-#include <sys/mman.h>
 #include <unistd.h>
 
 #include "drivers/camera/v4l2_camera.h"
 #include "drivers/camera/v4l2_device.h"
 #include "shell.h"
 #include "tests/input_fault.h"
+#include "vivid_feeder.h"
 
 namespace vantage {
 namespace {
@@ -25,176 +23,14 @@ using std::chrono::nanoseconds;
 using std::chrono::seconds;
 using std::chrono::steady_clock;
 
-constexpr int kWidth = 640, kHeight = 480;
-constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
-
-/// Grey picture number n: the number in its first four pixels, then noise that n decides.
-std::vector<std::uint8_t> picture(std::uint32_t n) {
-  std::vector<std::uint8_t> grey(kPixels);
-  std::uint64_t state = 0x9E3779B97F4A7C15ULL * (n + 1);
-  for (std::size_t i = 0; i < kPixels; i += 8) {
-    state ^= state << 13, state ^= state >> 7, state ^= state << 17;  // xorshift64
-    std::memcpy(&grey[i], &state, 8);
-  }
-  std::memcpy(grey.data(), &n, sizeof n);
-  return grey;
-}
-
-std::vector<std::uint8_t> as_yuyv(const std::vector<std::uint8_t>& grey) {
-  std::vector<std::uint8_t> yuyv(2 * grey.size());
-  for (std::size_t i = 0; i < grey.size(); ++i) {
-    yuyv[2 * i] = grey[i];
-    yuyv[2 * i + 1] = static_cast<std::uint8_t>(i * 7);
-  }
-  return yuyv;
-}
-
-/// The same with colours that do not matter, half as large as the picture, behind it.
-std::vector<std::uint8_t> as_nv12(const std::vector<std::uint8_t>& grey) {
-  std::vector<std::uint8_t> nv12 = grey;
-  for (std::size_t i = 0; i < grey.size() / 2; ++i) nv12.push_back(static_cast<std::uint8_t>(i * 5));
-  return nv12;
-}
-
-std::vector<std::uint8_t> in_format(const std::vector<std::uint8_t>& grey, std::uint32_t fourcc) {
-  if (fourcc == V4L2_PIX_FMT_YUYV) return as_yuyv(grey);
-  return fourcc == V4L2_PIX_FMT_NV12 ? as_nv12(grey) : grey;
-}
-
-/// The output node, streaming from mapped buffers: shows one picture a frame.
-class OutputStream {
- public:
-  /// Nothing when the node is not there or does not take the format.
-  static std::unique_ptr<OutputStream> open(std::uint32_t fourcc) {
-    std::unique_ptr<OutputStream> stream(new OutputStream);
-    return stream->start(fourcc) ? std::move(stream) : nullptr;
-  }
-  ~OutputStream() {
-    for (const std::span<std::uint8_t> buffer : buffers_) ::munmap(buffer.data(), buffer.size());
-  }
-  OutputStream(const OutputStream&) = delete;
-  OutputStream& operator=(const OutputStream&) = delete;
-
-  /// Waits for a free buffer, at most 100 ms, and has the picture shown. False when the node is gone.
-  bool show(const std::vector<std::uint8_t>& bytes) {
-    v4l2_buffer buffer = empty();
-    if (filled_ < buffers_.size()) {
-      buffer.index = static_cast<std::uint32_t>(filled_++);
-    } else {
-      pollfd polled{node_.get(), POLLOUT, 0};
-      ::poll(&polled, 1, 100);
-      if (::ioctl(node_.get(), VIDIOC_DQBUF, &buffer) != 0) return errno == EAGAIN;
-      buffer = empty(buffer.index);
-    }
-    std::copy(bytes.begin(), bytes.end(), buffers_[buffer.index].begin());
-    buffer.bytesused = static_cast<std::uint32_t>(bytes.size());
-    buffer.field = V4L2_FIELD_NONE;
-    return ::ioctl(node_.get(), VIDIOC_QBUF, &buffer) == 0;
-  }
-
- private:
-  OutputStream() = default;
-
-  static v4l2_buffer empty(std::uint32_t index = 0) {
-    v4l2_buffer buffer{};
-    buffer.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    buffer.memory = V4L2_MEMORY_MMAP;
-    buffer.index = index;
-    return buffer;
-  }
-
-  bool start(std::uint32_t fourcc) {
-    node_ = FileDescriptor(::open("/dev/video1", O_RDWR | O_NONBLOCK | O_CLOEXEC));
-    v4l2_format format{};
-    format.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    format.fmt.pix.width = kWidth;
-    format.fmt.pix.height = kHeight;
-    format.fmt.pix.pixelformat = fourcc;
-    format.fmt.pix.field = V4L2_FIELD_NONE;
-    v4l2_requestbuffers request{};
-    request.count = 4;
-    request.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    request.memory = V4L2_MEMORY_MMAP;
-    if (!node_.valid() || ::ioctl(node_.get(), VIDIOC_S_FMT, &format) != 0 ||
-        ::ioctl(node_.get(), VIDIOC_REQBUFS, &request) != 0) {
-      return false;
-    }
-    for (std::uint32_t i = 0; i < request.count; ++i) {
-      v4l2_buffer buffer = empty(i);
-      if (::ioctl(node_.get(), VIDIOC_QUERYBUF, &buffer) != 0) return false;
-      void* memory = ::mmap(nullptr, buffer.length, PROT_READ | PROT_WRITE, MAP_SHARED, node_.get(), buffer.m.offset);
-      if (memory == MAP_FAILED) return false;
-      buffers_.emplace_back(static_cast<std::uint8_t*>(memory), buffer.length);
-    }
-    int type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    return ::ioctl(node_.get(), VIDIOC_STREAMON, &type) == 0;
-  }
-
-  FileDescriptor node_;
-  std::vector<std::span<std::uint8_t>> buffers_;
-  std::size_t filled_ = 0;
-};
-
-/// Writes picture after picture to the output node, at its rate. Survives that the node goes and comes back.
-class Feeder {
- public:
-  explicit Feeder(std::uint32_t fourcc) : fourcc_(fourcc) {
-    thread_ = std::thread([this] { run(); });
-    for (int i = 0; i < 500 && written_ < 6; ++i) std::this_thread::sleep_for(milliseconds(10));
-    EXPECT_GE(written_, 6) << "nothing is shown";
-  }
-  ~Feeder() {
-    stop_ = true;
-    thread_.join();
-  }
-
- private:
-  void run() {
-    std::uint32_t n = 0;
-    std::unique_ptr<OutputStream> output;
-    while (!stop_) {
-      if (output == nullptr) output = OutputStream::open(fourcc_);
-      if (output == nullptr) {
-        std::this_thread::sleep_for(milliseconds(20));
-        continue;
-      }
-      const std::vector<std::uint8_t> grey = picture(n++);
-      if (output->show(in_format(grey, fourcc_))) {
-        ++written_;
-      } else {
-        output.reset();
-      }
-    }
-  }
-
-  std::uint32_t fourcc_;
-  std::atomic<bool> stop_{false};
-  std::atomic<int> written_{0};
-  std::thread thread_;
-};
-
 V4l2CameraOptions options_for(const std::string& format) {
   V4l2CameraOptions options;
   options.device = "/dev/video0";
-  options.stream.width = kWidth;
-  options.stream.height = kHeight;
+  options.stream.width = kVividWidth;
+  options.stream.height = kVividHeight;
   options.stream.rate_hz = 30;
   options.stream.format = format;
   return options;
-}
-
-/// The number in a frame when it is that picture to the last bit; -1 otherwise.
-std::int64_t number_of(const GreyImage& image) {
-  std::uint32_t n = 0;
-  std::memcpy(&n, image.pixels.get(), sizeof n);
-  const std::vector<std::uint8_t> expected = picture(n);
-  for (int y = 0; y < kHeight; ++y) {
-    if (std::memcmp(image.pixels.get() + y * image.stride, &expected[static_cast<std::size_t>(y) * kWidth], kWidth) !=
-        0) {
-      return -1;
-    }
-  }
-  return n;
 }
 
 /// Whether vivid stamps the start of an exposure, or its end, which it foretells.
@@ -204,7 +40,7 @@ void stamp_at_start(bool start) {
 
 void frames_arrive_bit_exact(std::uint32_t fourcc, const std::string& format, bool in_place) {
   stamp_at_start(true);
-  const Feeder feeder(fourcc);
+  const VividFeeder feeder(fourcc);
   V4l2Camera camera(options_for(format));
   EXPECT_NEAR(camera.stream()->rate_hz(), 30, 0.05);
   Frame frame;
@@ -214,9 +50,9 @@ void frames_arrive_bit_exact(std::uint32_t fourcc, const std::string& format, bo
   constexpr int kFrames = 90;
   for (int i = 0; i < kFrames;) {
     ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame) << camera.end_reason();
-    ASSERT_EQ(frame.image.width, kWidth);
-    ASSERT_EQ(frame.image.height, kHeight);
-    const std::int64_t n = number_of(frame.image);
+    ASSERT_EQ(frame.image.width, kVividWidth);
+    ASSERT_EQ(frame.image.height, kVividHeight);
+    const std::int64_t n = vivid_picture_number(frame.image);
     if (first < 0 && n < 0) continue;  // the output has only just begun
     ASSERT_GE(n, 0) << "frame " << i << " is not the picture that was written";
     if (first < 0) {
@@ -293,7 +129,7 @@ TEST(V4l2, ACameraInUseIsNamed) {
 }
 
 TEST(V4l2, CaptureCanBeStartedAgainAndAgain) {
-  const Feeder feeder(V4L2_PIX_FMT_GREY);
+  const VividFeeder feeder(V4L2_PIX_FMT_GREY);
   for (int round = 0; round < 5; ++round) {
     V4l2Camera camera(options_for("GREY"));
     Frame frame;
@@ -301,7 +137,7 @@ TEST(V4l2, CaptureCanBeStartedAgainAndAgain) {
     std::int64_t n = -1;
     for (int i = 0; i < 10 && n < 0; ++i) {
       ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
-      n = number_of(frame.image);
+      n = vivid_picture_number(frame.image);
     }
     EXPECT_GE(n, 0) << round;
   }
@@ -352,7 +188,7 @@ TEST(V4l2, FramesThatTheDriverMarksAsDamagedAreCountedAndNotShown) {
 }
 
 TEST(V4l2, AFatalErrorRestartsTheStream) {
-  const Feeder feeder(V4L2_PIX_FMT_GREY);
+  const VividFeeder feeder(V4L2_PIX_FMT_GREY);
   V4l2Camera camera(options_for("GREY"));
   Frame frame;
   ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
@@ -362,7 +198,7 @@ TEST(V4l2, AFatalErrorRestartsTheStream) {
   std::int64_t n = -1;
   for (int i = 0; i < 20 && n < 0; ++i) {
     if (camera.next(&frame, seconds(1)) == FrameStatus::kFrame && camera.counters().restarts > 0) {
-      n = number_of(frame.image);
+      n = vivid_picture_number(frame.image);
     }
   }
   EXPECT_GE(n, 0);
@@ -387,21 +223,21 @@ TEST(V4l2, AConsumerThatComesLateGetsTheNewestFrame) {
 }
 
 TEST(V4l2, HeldFramesNeitherChangeNorStarveTheDriver) {
-  const Feeder feeder(V4L2_PIX_FMT_GREY);
+  const VividFeeder feeder(V4L2_PIX_FMT_GREY);
   V4l2Camera camera(options_for("GREY"));
   std::vector<Frame> held;
   std::vector<std::int64_t> numbers;
   Frame frame;
   while (held.size() < 10) {
     ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
-    const std::int64_t n = number_of(frame.image);
+    const std::int64_t n = vivid_picture_number(frame.image);
     if (n < 0) continue;
     held.push_back(frame);
     numbers.push_back(n);
   }
   EXPECT_GT(camera.counters().copied, 0U);
   for (int i = 0; i < 10; ++i) camera.next(&frame, seconds(2));
-  for (std::size_t i = 0; i < held.size(); ++i) EXPECT_EQ(number_of(held[i].image), numbers[i]);
+  for (std::size_t i = 0; i < held.size(); ++i) EXPECT_EQ(vivid_picture_number(held[i].image), numbers[i]);
 }
 
 TEST(V4l2, GainIsFixedReadBackAndRecorded) {
@@ -443,7 +279,7 @@ TEST(V4l2, StopEndsAWaitingConsumerWithin100Ms) {
 }
 
 TEST(V4l2, ADeviceThatGoesAndComesBackIsOpenedAnewWithinASecond) {
-  const Feeder feeder(V4L2_PIX_FMT_GREY);
+  const VividFeeder feeder(V4L2_PIX_FMT_GREY);
   V4l2Camera camera(options_for("GREY"));
   Frame frame;
   ASSERT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame);
@@ -491,9 +327,9 @@ std::vector<double> chequers(const std::string& format) {
   for (int i = 0; i < 5; ++i) EXPECT_EQ(camera.next(&frame, seconds(2)), FrameStatus::kFrame) << camera.end_reason();
   EXPECT_EQ(camera.counters().faulty, 0U);
   std::vector<double> grey;
-  for (int y = 0; y < kHeight; ++y) {
+  for (int y = 0; y < kVividHeight; ++y) {
     const std::uint8_t* row = frame.image.pixels.get() + y * frame.image.stride;
-    grey.insert(grey.end(), row, row + kWidth);
+    grey.insert(grey.end(), row, row + kVividWidth);
   }
   return grey;
 }
