@@ -22,20 +22,11 @@ namespace {
   throw InputError(log.string() + ": event " + std::to_string(event.number) + " (" + event.channel + "): " + fault);
 }
 
-/// The message of an event; one recorded from a sealed network still has its seal behind it, which nobody can check
-/// now.
-template <typename Message>
-std::span<const std::uint8_t> body_of(const LogEvent& event) {
-  const std::span<const std::uint8_t> bytes = event.bytes;
-  if (layout_fits(kWireLayout<Message>, bytes) || bytes.size() < SealedBus::kSealBytes) return bytes;
-  return bytes.first(bytes.size() - SealedBus::kSealBytes);
-}
-
 template <typename Message>
 Message decode_event(const std::filesystem::path& log, const LogEvent& event) {
   Message message;
   DecodeCounters counters;
-  if (!decode_message(body_of<Message>(event), &message, &counters)) {
+  if (!decode_message(without_seal(kWireLayout<Message>, event.bytes), &message, &counters)) {
     fail(log, event,
          counters.wrong_type > 0 ? "is of another type or another version than this program's" : "does not decode");
   }
@@ -87,8 +78,9 @@ void replay_log(const std::filesystem::path& log, double speed, const std::atomi
       const std::chrono::duration<double> due{static_cast<double>(event.utime - *first_utime) * 1e-6 / speed};
       while (!stop && clock.monotonic() - start < due) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
-    bus.publish(event.channel,
-                event.channel == channel::kDepthManifest ? body_of<depth_map_manifest_t>(event) : event.bytes);
+    bus.publish(event.channel, event.channel == channel::kDepthManifest
+                                   ? without_seal(kWireLayout<depth_map_manifest_t>, event.bytes)
+                                   : event.bytes);
     while (bus.handle(std::chrono::milliseconds(0))) {
     }
   }

@@ -67,12 +67,12 @@ void DepthMapSender::take_off() {
 }
 
 /// The oldest map that has chunks to send and is known to the receiver, else the oldest that has any.
-DepthMapSender::Flight* DepthMapSender::next_flight() {
-  Flight* unknown = nullptr;
-  for (Flight& flight : flights_) {
-    if (flight.due.empty()) continue;
-    if (flight.known) return &flight;
-    if (unknown == nullptr) unknown = &flight;
+std::optional<std::size_t> DepthMapSender::next_flight() const {
+  std::optional<std::size_t> unknown;
+  for (std::size_t i = 0; i < flights_.size(); ++i) {
+    if (flights_[i].due.empty()) continue;
+    if (flights_[i].known) return i;
+    if (!unknown) unknown = i;
   }
   return unknown;
 }
@@ -84,13 +84,12 @@ void DepthMapSender::step() {
   budget_bytes_ = std::min(budget_bytes_ + elapsed_s * options_.rate_bit_s / 8, kLargestBurstBytes);
   take_off();
   while (budget_bytes_ >= kChunkBytes) {
-    Flight* flight = next_flight();
-    if (flight == nullptr) break;
-    if (!flight->known && ++flight->unanswered_chunks > kChunksBetweenManifests) send_manifest(flight);
-    send_chunk(static_cast<std::size_t>(
-        std::find_if(flights_.begin(), flights_.end(), [&](const Flight& f) { return &f == flight; }) -
-        flights_.begin()));
-    if (flight->due.empty()) send_manifest(flight);  // asks what is missing
+    const std::optional<std::size_t> next = next_flight();
+    if (!next) break;
+    Flight& flight = flights_[*next];
+    if (!flight.known && ++flight.unanswered_chunks > kChunksBetweenManifests) send_manifest(&flight);
+    send_chunk(*next);
+    if (flight.due.empty()) send_manifest(&flight);  // asks what is missing
   }
   for (Flight& flight : flights_) {
     if ((flight.due.empty() || !flight.known) && now - flight.last_word >= options_.ask_again) send_manifest(&flight);
@@ -98,7 +97,7 @@ void DepthMapSender::step() {
 }
 
 bool DepthMapSender::spare(std::size_t bytes) {
-  if (budget_bytes_ < static_cast<double>(bytes) || next_flight() != nullptr) return false;
+  if (budget_bytes_ < static_cast<double>(bytes) || next_flight()) return false;
   budget_bytes_ -= static_cast<double>(bytes);
   return true;
 }

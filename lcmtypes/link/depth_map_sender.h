@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <vector>
 
 #include "lcmtypes/link/clock.h"
@@ -62,7 +63,7 @@ class DepthMapSender {
   };
 
   void take_off();
-  Flight* next_flight();
+  std::optional<std::size_t> next_flight() const;
   std::int64_t stamp() const;
   void on_receipt(const depth_map_receipt_t& receipt);
   void send_manifest(Flight* flight);

@@ -78,4 +78,10 @@ void SealedBus::subscribe(std::string_view channel, Handler handler) {
       });
 }
 
+std::span<const std::uint8_t> without_seal(std::string_view layout, std::span<const std::uint8_t> bytes) {
+  if (bytes.size() < SealedBus::kSealBytes || layout_fits(layout, bytes)) return bytes;
+  const std::span<const std::uint8_t> message = bytes.first(bytes.size() - SealedBus::kSealBytes);
+  return layout_fits(layout, message) ? message : bytes;
+}
+
 }  // namespace vantage

@@ -39,4 +39,8 @@ class SealedBus final : public MessageBus {
   std::uint64_t refused_ = 0;  // touched by the thread that calls handle
 };
 
+/// A message of a known layout (wire_layout.h) as it was recorded from the network, without the seal that may be behind
+/// it: without the key it can't be checked. Bytes that fit neither way come back as they are.
+std::span<const std::uint8_t> without_seal(std::string_view layout, std::span<const std::uint8_t> bytes);
+
 }  // namespace vantage

@@ -6,12 +6,12 @@
 #include <charconv>
 
 #include "lcmtypes/link/message_bus.h"
+#include "lcmtypes/link/sealed_bus.h"
 
 namespace vantage {
 namespace {
 
 constexpr std::size_t kFingerprintBytes = 8;
-constexpr std::size_t kSealBytes = 32;  // sealed_bus.h
 
 template <typename Message>
 bool decodes(std::span<const std::uint8_t> bytes) {
@@ -155,13 +155,10 @@ std::optional<MessageFields> MessageFields::read(const ChannelSchema& schema, st
     return std::nullopt;
   }
   MessageFields message;
-  message.body_ = bytes;
-  if (!layout_fits(schema.layout, bytes)) {
-    if (bytes.size() >= kSealBytes) message.body_ = bytes.first(bytes.size() - kSealBytes);
-    if (!layout_fits(schema.layout, message.body_)) {
-      *why = "is not as long as its content says";
-      return std::nullopt;
-    }
+  message.body_ = without_seal(schema.layout, bytes);
+  if (!layout_fits(schema.layout, message.body_)) {
+    *why = "is not as long as its content says";
+    return std::nullopt;
   }
   if (schema.decodes != nullptr && !schema.decodes(message.body_)) {
     *why = "does not decode";
