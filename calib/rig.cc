@@ -100,6 +100,12 @@ Rig read_rig(YamlMap root) {
   rig.camera = read_rig_camera(root.map("camera"), &rig.capture);
   if (root.has("stereo_baseline")) rig.stereo_baseline_m = read_positive(root, "stereo_baseline", Quantity::kLength);
   if (root.has("T_wrist_camera")) rig.T_wrist_camera = read_pose(root.map("T_wrist_camera"));
+  if (root.has("kinematics_noise")) {
+    YamlMap noise = root.map("kinematics_noise");
+    rig.kinematics_sigma_m = read_positive(noise, "translation", Quantity::kLength);
+    rig.kinematics_sigma_rad = read_positive(noise, "rotation", Quantity::kAngle);
+    noise.finish();
+  }
   YamlMap limits = root.map("limits");
   rig.linear_speed_limit_m_s = read_positive(limits, "linear_speed", Quantity::kSpeed);
   rig.angular_speed_limit_rad_s = read_positive(limits, "angular_speed", Quantity::kAngularSpeed);

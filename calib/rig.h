@@ -25,6 +25,8 @@ struct Rig {
   CaptureRig capture;
   double stereo_baseline_m = 0;  ///< right camera at +x of the left one, same intrinsics; 0: a single camera
   Eigen::Isometry3d T_wrist_camera = Eigen::Isometry3d::Identity();
+  /// Standard deviation of each coordinate of where the robot says its camera is.
+  double kinematics_sigma_m = 0.002, kinematics_sigma_rad = 0.0035;
   double linear_speed_limit_m_s = 0;
   double angular_speed_limit_rad_s = 0;
   std::optional<DrivesRig> drives;  ///< of arm and base; none: the camera is carried otherwise

@@ -10,11 +10,15 @@
 #include "drivers/robot/camera_carrier.h"
 #include "drivers/sim/sim_camera.h"
 #include "lcmtypes/link/network_link.h"
+#include "onboard/executive/stereo_view.h"
 #include "onboard/hardware_check.h"
+#include "onboard/monocular_depth.h"
 #include "onboard/robot_link.h"
 
 namespace vantage {
 namespace {
+
+constexpr std::chrono::seconds kSimulatorPatience{5};
 
 struct Arguments {
   std::string camera;
@@ -49,7 +53,8 @@ std::string socket_of(const std::string& camera) {
 
 void require_same_camera(const Rig& rig, const std::string& rig_path, const sim::SimCamera& camera) {
   const CameraModel& simulated = camera.camera();
-  if (rig.camera == simulated && rig.stereo_baseline_m == camera.baseline_m()) return;
+  const bool monocular = rig.stereo_baseline_m == 0;
+  if (rig.camera == simulated && (monocular || rig.stereo_baseline_m == camera.baseline_m())) return;
   throw InputError(rig_path + ": its camera (" + std::to_string(rig.camera.width) + " x " +
                    std::to_string(rig.camera.height) + ", f " + std::to_string(rig.camera.fx) + " px, baseline " +
                    std::to_string(rig.stereo_baseline_m) + " m) is not the simulator's (" +
@@ -57,6 +62,37 @@ void require_same_camera(const Rig& rig, const std::string& rig_path, const sim:
                    std::to_string(simulated.fx) + " px, baseline " + std::to_string(camera.baseline_m()) +
                    " m): give the rig file of the camera that is there");
 }
+
+/// What the rig has eyes for: depth from a stereo pair, or from a single camera that moves.
+class Eyes {
+ public:
+  explicit Eyes(const Rig& rig) {
+    if (rig.stereo_baseline_m > 0) {
+      matcher_.emplace(rig.camera, rig.stereo_baseline_m);
+      stereo_.emplace(*matcher_);
+    } else {
+      monocular_.emplace(rig);
+    }
+  }
+
+  ViewDepth& depth() { return stereo_ ? static_cast<ViewDepth&>(*stereo_) : *monocular_; }
+
+  /// For the program's status.
+  void add_counters(Status::Counters* counters) const {
+    if (!monocular_) return;
+    const MonocularCounts& counts = monocular_->counts();
+    counters->insert(counters->end(), {{"camera.frames", counts.frames},
+                                       {"tracking.without_pose", counts.without_pose},
+                                       {"tracking.losses", counts.losses},
+                                       {"depth.views", counts.views},
+                                       {"depth.views_by_kinematics", counts.views_by_kinematics}});
+  }
+
+ private:
+  std::optional<StereoDepth> matcher_;
+  std::optional<StereoView> stereo_;
+  std::optional<MonocularDepth> monocular_;
+};
 
 int check(const Arguments& arguments) {
   const std::string can = arguments.can == "none" ? "" : arguments.can;
@@ -74,23 +110,32 @@ int run(const Arguments& arguments) {
   const std::atomic<bool>& interrupted = interrupt_flag();
   const std::string socket = socket_of(arguments.camera);
   const Rig rig = load_rig(arguments.rig);
-  if (rig.stereo_baseline_m == 0) throw InputError(arguments.rig + ": stereo depth needs a stereo_baseline");
+  if (rig.camera.distortion != Distortion::kNone) {
+    throw InputError(arguments.rig + ": camera: depth needs images without distortion: model pinhole");
+  }
   const SystemClock clock;
   NetworkLink network(arguments.network);
   RobotLinkOptions options;
   options.on_lost_planner = arguments.on_lost_planner;
   options.sender.rate_bit_s = arguments.rate_mbit_s * 1e6;
   options.sender.spool.folder = arguments.spool;
-  options.more_counters = [&network] { return network.counters(); };
-  sim::SimCamera camera(socket);
+  Eyes eyes(rig);
+  options.more_counters = [&network, &eyes] {
+    Status::Counters counters = network.counters();
+    eyes.add_counters(&counters);
+    return counters;
+  };
+  using sim::SimCamera;
+  SimCamera camera(socket, kSimulatorPatience,
+                   rig.stereo_baseline_m > 0 ? SimCamera::Eyes::kBoth : SimCamera::Eyes::kLeft);
   require_same_camera(rig, arguments.rig, camera);
   FreeFlyingCarrier carrier(camera);
-  StereoDepth depth(rig.camera, rig.stereo_baseline_m);
   RobotEnd end;
   {
-    Executive executive(camera, carrier, depth, {rig.linear_speed_limit_m_s, rig.angular_speed_limit_rad_s});
+    Executive executive(camera, carrier, eyes.depth(), {rig.linear_speed_limit_m_s, rig.angular_speed_limit_rad_s});
     RobotLink link(network.bus(), clock, executive, VANTAGE_VERSION, options);
-    spdlog::info("camera {}: {} x {}; waiting for goals", arguments.camera, rig.camera.width, rig.camera.height);
+    spdlog::info("camera {}: {} x {}, {}; waiting for goals", arguments.camera, rig.camera.width, rig.camera.height,
+                 rig.stereo_baseline_m > 0 ? "stereo" : "monocular");
     while (!link.step(&end)) {
       if (const auto refused = network.seals_to_tell()) {
         spdlog::warn("{} messages with a wrong seal so far: somebody has no key, or another one", *refused);

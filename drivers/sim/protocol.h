@@ -13,7 +13,7 @@ namespace vantage::sim {
 // Both run on one machine, so numbers have its byte order. docs/simulator.md tells the conversation.
 
 inline constexpr std::uint32_t kProtocolMagic = 0x4D495356;  // "VSIM"
-inline constexpr std::uint16_t kProtocolVersion = 1;
+inline constexpr std::uint16_t kProtocolVersion = 2;
 
 enum class MessageType : std::uint16_t {
   // client to simulator
@@ -56,6 +56,8 @@ struct SetPose {
 struct Capture {
   static constexpr MessageType kType = MessageType::kCapture;
   MessageHeader header;
+  std::uint32_t left_alone = 0;  ///< 1: the right image is not taken, and what its memory holds means nothing
+  std::uint32_t reserved = 0;
 };
 
 /// Gives a slot back. Not answered, unless the client does not hold it: Refused.

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
+#include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -163,6 +165,7 @@ class Server::Implementation {
     } else if (read_message(datagram, &trigger)) {
       if (capture_wanted_) refuse(peer_.get(), "a capture is under way already");
       capture_wanted_ = true;
+      left_alone_ = trigger.left_alone != 0;
     } else if (read_message(datagram, &release)) {
       give_back(release);
     } else if (read_message(datagram, &goodbye)) {
@@ -209,8 +212,26 @@ class Server::Implementation {
     message.capture_time_ns = monotonic_ns();
     message.exposure_s = camera_.options().exposure_s;
     write_pose(pose_, &message.T_world_camera);
-    camera_.capture(pose_, sequence_, memory_.left(slot), memory_.right(slot));
+    camera_.capture(true_pose(), sequence_, memory_.left(slot),
+                    left_alone_ ? std::span<std::uint8_t>{} : memory_.right(slot));
     answer(message);
+  }
+
+  /// Where the carrier has really brought the camera; the same for the same seed and exposure.
+  Eigen::Isometry3d true_pose() const {
+    if (options_.carrier_sigma_m == 0 && options_.carrier_sigma_rad == 0) return pose_;
+    std::seed_seq seed{camera_.options().seed, sequence_};
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    const auto draw = [&](double sigma) {
+      const double x = sigma * normal(random), y = sigma * normal(random);
+      return Eigen::Vector3d(x, y, sigma * normal(random));
+    };
+    const Eigen::Vector3d shift = draw(options_.carrier_sigma_m), turn = draw(options_.carrier_sigma_rad);
+    Eigen::Isometry3d error = Eigen::Isometry3d::Identity();
+    error.translation() = shift;
+    if (turn.norm() > 0) error.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+    return pose_ * error;
   }
 
   Welcome welcome() const {
@@ -259,12 +280,17 @@ class Server::Implementation {
   std::uint64_t pose_id_ = 0;
   std::uint64_t sequence_ = 0;
   bool capture_wanted_ = false;
+  bool left_alone_ = false;                   // the capture that is wanted
   std::vector<std::uint64_t> slot_sequence_;  // of the frame that the client holds in each slot; 0: free
 };
 
 Server::Server(const StereoCamera& camera, const ServerOptions& options) {
   if (options.slots < 1 || options.slots > 64) throw std::invalid_argument("Server: slots must be 1 to 64");
   if (!is_rigid(options.first_pose)) throw std::invalid_argument("Server: the first pose is not rigid");
+  if (!(options.carrier_sigma_m >= 0 && options.carrier_sigma_rad >= 0) || !std::isfinite(options.carrier_sigma_m) ||
+      !std::isfinite(options.carrier_sigma_rad)) {
+    throw std::invalid_argument("Server: the carrier's noise must be finite and not negative");
+  }
   implementation_ = std::make_unique<Implementation>(camera, options);
 }
 

@@ -15,6 +15,9 @@ struct ServerOptions {
   std::optional<std::chrono::seconds> wait;                      ///< longest wait for the first client; empty: for ever
   bool keep_serving = false;                                     ///< a lost client may be followed by another
   Eigen::Isometry3d first_pose = Eigen::Isometry3d::Identity();  ///< T_world_left until the client sets one
+  /// How far the camera stands from where its carrier says, as with an arm: standard deviation of each coordinate,
+  /// drawn anew for every exposure. Frames tell the carrier's pose, not the true one.
+  double carrier_sigma_m = 0, carrier_sigma_rad = 0;
 };
 
 /// Why a server ended.

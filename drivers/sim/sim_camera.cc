@@ -143,7 +143,7 @@ struct SimCamera::Slot {
   Slot& operator=(const Slot&) = delete;
 };
 
-SimCamera::SimCamera(const std::filesystem::path& socket, std::chrono::milliseconds patience) {
+SimCamera::SimCamera(const std::filesystem::path& socket, std::chrono::milliseconds patience, Eyes eyes) : eyes_(eyes) {
   const std::string name = socket.string();
   const auto deadline = SteadyClock::now() + patience;
   FileDescriptor connected = connect_to(socket);
@@ -233,7 +233,9 @@ FrameStatus SimCamera::next(Frame* frame, std::chrono::milliseconds timeout) {
   while (end_reason_.empty()) {
     if (!capture_pending_) {
       // Should it fail, the simulator has gone, and `receive` finds the end of the connection.
-      send_message(connection_->fd(), make_message<Capture>());
+      auto trigger = make_message<Capture>();
+      trigger.left_alone = eyes_ == Eyes::kLeft ? 1 : 0;
+      send_message(connection_->fd(), trigger);
       capture_pending_ = true;
     }
     const Reply reply = receive(deadline);
@@ -260,7 +262,10 @@ bool SimCamera::deliver(const Reply& reply, Frame* frame) {
   frame->sequence = captured->sequence;
   frame->exposure_s = captured->exposure_s;
   frame->image = {layout.width, layout.height, layout.width, {slot, left}};
-  frame->right_image = {layout.width, layout.height, layout.width, {slot, left + layout.right_offset}};
+  frame->right_image = {};
+  if (eyes_ == Eyes::kBoth) {
+    frame->right_image = {layout.width, layout.height, layout.width, {slot, left + layout.right_offset}};
+  }
   frame->T_world_camera = read_pose(captured->T_world_camera);
   return true;
 }

@@ -28,10 +28,13 @@ namespace vantage::sim {
 ///     if (camera.next(&frame, std::chrono::seconds(2)) == FrameStatus::kFrame) ...
 class SimCamera : public FrameSource {
  public:
-  /// Connects and learns the camera; waits up to `patience` for a simulator that is still starting.
+  enum class Eyes { kBoth, kLeft };
+
+  /// Connects and learns the camera; waits up to `patience` for a simulator that is still starting. kLeft leaves every
+  /// frame's `right_image` empty and spares the simulator half of its work.
   /// \throws InputError: nobody serves there, it serves somebody else, or it speaks another version of the protocol.
   explicit SimCamera(const std::filesystem::path& socket,
-                     std::chrono::milliseconds patience = std::chrono::milliseconds(5000));
+                     std::chrono::milliseconds patience = std::chrono::milliseconds(5000), Eyes eyes = Eyes::kBoth);
   /// Says goodbye.
   ~SimCamera() override;
   SimCamera(const SimCamera&) = delete;
@@ -69,6 +72,7 @@ class SimCamera : public FrameSource {
   std::shared_ptr<Connection> connection_;
   CameraModel camera_;
   double baseline_m_ = 0;
+  Eyes eyes_;
   std::uint64_t pose_id_ = 0;  // counts the poses set; what comes back with another is out of date
   bool capture_pending_ = false;
   std::string end_reason_;

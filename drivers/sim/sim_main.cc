@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <vector>
@@ -43,6 +44,7 @@ struct Arguments {
   std::uint64_t seed = 1;
   double noise_sigma = 2;
   double exposure_s = 0.010;
+  std::vector<double> carrier_noise = {0, 0};
   int threads = 0;
   std::string socket;
   double wait_s = 0;
@@ -63,6 +65,11 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--seed", a.seed, "of texture and noise")->capture_default_str();
   app.add_option("--camera-noise", a.noise_sigma, "standard deviation, grey levels")->capture_default_str();
   app.add_option("--exposure", a.exposure_s, "seconds; 0.010 makes white 255")->capture_default_str();
+  app.add_option("--carrier-noise", a.carrier_noise,
+                 "METRES,DEGREES: standard deviation of where the camera stands from where its carrier says")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(CLI::Range(0.0, 10.0));
   app.add_option("--threads", a.threads, "that render (0: one a core)")->check(CLI::Range(0, 256));
   app.add_option("--socket", a.socket, "serve frames at this path");
   app.add_option("--wait", a.wait_s, "give up when no client comes within this many seconds")
@@ -115,6 +122,8 @@ int serve(const Arguments& arguments, const StereoCamera& camera, const Eigen::V
   if (arguments.wait_s > 0) options.wait = std::chrono::seconds(static_cast<std::int64_t>(arguments.wait_s));
   options.keep_serving = arguments.keep_serving;
   options.first_pose = look_at({0.6, 0, 0.35}, target);
+  options.carrier_sigma_m = arguments.carrier_noise[0];
+  options.carrier_sigma_rad = arguments.carrier_noise[1] * std::numbers::pi / 180;
   Server server(camera, options);
   fmt::print("vantage-sim: serving {} ({:.2f} m) on {}\n", std::filesystem::path(arguments.object).filename().string(),
              arguments.object_size_m, arguments.socket);

@@ -41,13 +41,14 @@ Eigen::Isometry3d StereoCamera::right_pose(const Eigen::Isometry3d& T_world_left
 
 void StereoCamera::capture(const Eigen::Isometry3d& T_world_left, std::uint64_t count, std::span<std::uint8_t> left,
                            std::span<std::uint8_t> right) const {
-  if (left.size() != pixels() || right.size() != pixels()) {
+  if (left.size() != pixels() || (!right.empty() && right.size() != pixels())) {
     throw std::invalid_argument("StereoCamera: an image buffer has not the camera's size");
   }
   if (!is_rigid(T_world_left)) throw std::invalid_argument("StereoCamera: the pose is not rigid");
   std::vector<float> radiance;
   renderer_->render(options_.camera, T_world_left, &radiance);
   expose(radiance, options_.exposure_s, options_.noise_sigma, noise_key(options_.seed, count, 0), left);
+  if (right.empty()) return;
   renderer_->render(options_.camera, right_pose(T_world_left), &radiance);
   expose(radiance, options_.exposure_s, options_.noise_sigma, noise_key(options_.seed, count, 1), right);
 }

@@ -31,7 +31,8 @@ class StereoCamera {
   StereoCamera(std::shared_ptr<const Renderer> renderer, const StereoOptions& options);
 
   /// Takes a pair of grey images, row-major, each of `pixels()` bytes. The same seed, pose and `count` (a number of the
-  /// picture, of the caller's choice) give the same bytes; another count gives other noise.
+  /// picture, of the caller's choice) give the same bytes; another count gives other noise. An empty `right` is not
+  /// taken.
   /// \throws std::invalid_argument when a buffer has another size or the pose is not rigid.
   void capture(const Eigen::Isometry3d& T_world_left, std::uint64_t count, std::span<std::uint8_t> left,
                std::span<std::uint8_t> right) const;

@@ -19,16 +19,14 @@ constexpr int kFrameAttempts = 20;
 
 }  // namespace
 
-Executive::Executive(FrameSource& camera, CameraCarrier& carrier, StereoDepth& depth, const FlightLimits& limits)
+Executive::Executive(FrameSource& camera, CameraCarrier& carrier, ViewDepth& depth, const FlightLimits& limits)
     : camera_(camera), carrier_(carrier), depth_(depth), limits_(limits) {
   Frame frame;
   const FrameStatus status = camera_.next(&frame, kFirstFramePatience);
   if (status != FrameStatus::kFrame) {
     throw InputError("the camera gave no frame" + (camera_.end_reason().empty() ? "" : ": " + camera_.end_reason()));
   }
-  DepthMap ignored;
-  if (std::string why; !depth_.compute(frame, &ignored, &why))
-    throw InputError("the camera does not fit the rig: " + why);
+  if (std::string why; !depth_.fits(frame, &why)) throw InputError("the camera does not fit the rig: " + why);
   snapshot_.T_world_camera = *frame.T_world_camera;
   thread_ = std::thread([this] { run(); });
 }
@@ -117,16 +115,12 @@ void Executive::run() {
       }
     }
     if (!follow(goal)) continue;
-    if (goal.expose) {
-      capture(goal);
-    } else {
-      arrive();
-    }
+    if (!goal.expose || measure(goal)) arrive();
   }
 }
 
 /// True when the camera has arrived; false when another goal, a hold or the end came first.
-bool Executive::fly(const Eigen::Isometry3d& to) {
+bool Executive::fly(const Eigen::Isometry3d& to, Watch watch) {
   const FreeFlight flight(snapshot().T_world_camera, to, limits_);
   const steady_clock::time_point start = steady_clock::now();
   steady_clock::time_point tick = start;
@@ -143,13 +137,17 @@ bool Executive::fly(const Eigen::Isometry3d& to) {
       snapshot_.T_world_camera = pose;
     }
     if (time_s >= flight.duration_s()) return true;
+    if (Frame frame; watch == Watch::kWay && depth_.watches_the_way() &&
+                     camera_.next(&frame, kControlPeriod) == FrameStatus::kFrame) {
+      depth_.pass(frame);
+    }
     std::this_thread::sleep_until(tick += kControlPeriod);
   }
 }
 
 bool Executive::follow(const ViewGoal& goal) {
-  return std::all_of(goal.via.begin(), goal.via.end(), [this](const auto& pose) { return fly(pose); }) &&
-         fly(goal.T_world_camera);
+  return std::all_of(goal.via.begin(), goal.via.end(), [this](const auto& pose) { return fly(pose, Watch::kWay); }) &&
+         fly(goal.T_world_camera, Watch::kWay);
 }
 
 void Executive::arrive() {
@@ -159,32 +157,43 @@ void Executive::arrive() {
   snapshot_.activity = RobotActivity::kIdle;
 }
 
-bool Executive::capture(const ViewGoal& goal) {
+/// One frame from where the camera stands. False when another goal, a hold or the end came first.
+bool Executive::expose(Frame* frame) {
+  FrameStatus status = FrameStatus::kTimeout;
+  for (int attempt = 0; attempt < kFrameAttempts && status == FrameStatus::kTimeout && !superseded(); ++attempt) {
+    status = camera_.next(frame, kFramePatience);
+  }
+  if (superseded()) return false;
+  if (status == FrameStatus::kFrame) return true;
+  end(status == FrameStatus::kEnded ? camera_.end_reason() : "the camera gives no frames");
+  return false;
+}
+
+/// True when the view's depth map is there; false when another goal, a hold or the end came first.
+bool Executive::measure(const ViewGoal& goal) {
   {
     const std::lock_guard lock(mutex_);
     if (next_goal_ || hold_) return false;
     snapshot_.activity = RobotActivity::kCapturing;
   }
-  Frame frame;
-  FrameStatus status = FrameStatus::kTimeout;
-  for (int attempt = 0; attempt < kFrameAttempts && status == FrameStatus::kTimeout && !superseded(); ++attempt) {
-    status = camera_.next(&frame, kFramePatience);
+  Frame key;
+  if (!expose(&key)) return false;
+  depth_.begin(key);
+  while (const std::optional<Eigen::Isometry3d> pose = depth_.next_pose()) {
+    Frame frame;
+    if (!fly(*pose, Watch::kNo) || !expose(&frame)) return false;
+    depth_.add(frame);
   }
-  if (superseded()) return false;
   DepthMap map;
-  std::string why = status == FrameStatus::kEnded ? camera_.end_reason() : "the camera gives no frames";
-  if (status != FrameStatus::kFrame || !depth_.compute(frame, &map, &why)) {
+  if (std::string why; !depth_.finish(&map, &why)) {
     end(why);
     return false;
   }
   map.goal_id = goal.goal_id;
   map.view_id = goal.view_id;
-  {
-    const std::lock_guard lock(mutex_);
-    finished_ = std::move(map);
-    frame_ = std::move(frame);
-  }
-  arrive();
+  const std::lock_guard lock(mutex_);
+  finished_ = std::move(map);
+  frame_ = std::move(key);
   return true;
 }
 

@@ -11,11 +11,11 @@
 #include <Eigen/Geometry>
 
 #include "drivers/camera/frame_source.h"
-#include "drivers/camera/stereo_depth.h"
 #include "drivers/robot/camera_carrier.h"
 #include "lcmtypes/link/depth_map.h"
 #include "lcmtypes/link/robot_activity.h"
 #include "onboard/executive/free_flight.h"
+#include "onboard/executive/view_depth.h"
 
 namespace vantage {
 
@@ -36,8 +36,9 @@ struct RobotSnapshot {
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
 };
 
-/// Carries the camera to each goal within the speed limits, exposes there, computes the depth map and keeps it until it
-/// is fetched. Runs in a thread of its own, which alone touches the camera, its carrier and the matcher.
+/// Carries the camera to each goal within the speed limits, measures depth there, with the small motion around the view
+/// that this may need, and keeps the depth map until it is fetched. Runs in a thread of its own, which alone touches
+/// the camera, its carrier and the depth.
 ///
 /// A goal that comes while another is on its way replaces it where the camera is then. A depth map that has not been
 /// fetched is never replaced: the thread waits.
@@ -45,7 +46,7 @@ class Executive {
  public:
   /// `camera` and `carrier` must outlive it. Takes one frame to learn where the camera stands and that its images are
   /// of the rig's size. \throws InputError when there is no frame or it does not fit.
-  Executive(FrameSource& camera, CameraCarrier& carrier, StereoDepth& depth, const FlightLimits& limits);
+  Executive(FrameSource& camera, CameraCarrier& carrier, ViewDepth& depth, const FlightLimits& limits);
   ~Executive();
 
   /// Takes up a goal. False, and nothing changes, when one of its poses is not rigid.
@@ -55,23 +56,25 @@ class Executive {
   RobotSnapshot snapshot() const;
   /// The next finished depth map, each once.
   std::optional<DepthMap> fetch_depth_map();
-  /// The frame of the latest depth map, each once: for those who want to see it.
+  /// The key frame of the latest depth map, each once: for those who want to see it.
   std::optional<Frame> fetch_frame();
   /// True, with the reason, when the camera or its carrier has gone: no goal will be reached any more.
   bool ended(std::string* reason) const;
 
  private:
   void run();
-  bool fly(const Eigen::Isometry3d& to);
+  enum class Watch { kNo, kWay };
+  bool fly(const Eigen::Isometry3d& to, Watch watch);
   bool follow(const ViewGoal& goal);
   void arrive();
-  bool capture(const ViewGoal& goal);
+  bool expose(Frame* frame);
+  bool measure(const ViewGoal& goal);
   bool superseded() const;
   void end(const std::string& reason);
 
   FrameSource& camera_;
   CameraCarrier& carrier_;
-  StereoDepth& depth_;
+  ViewDepth& depth_;
   FlightLimits limits_;
 
   mutable std::mutex mutex_;  // guards everything below but the thread

@@ -100,6 +100,7 @@ TrackingResult Tracker::process(const Frame& frame, const std::optional<PosePrio
       }
       if (++frames_since_settled_ >= kSettleEvery) settle_in_robot_frame();
     }
+    result.unit_sigma = unit_sigma_;
     return result;
   }
   state_ = result.state = had_pose ? TrackingState::kLost : TrackingState::kRelocalising;
@@ -149,6 +150,7 @@ void Tracker::start(const Frame& frame, const std::optional<PosePrior>& prior, T
   }
   result->T_world_camera = T_camera_world_key_frame_.inverse();
   state_ = result->state = prior ? TrackingState::kWeak : TrackingState::kTracking;
+  unit_sigma_ = std::numeric_limits<double>::infinity();
   key_frame_features_ = tracked.features.size();
   frames_since_key_frame_ = 0;
   frames_since_start_ = frames_without_pose_ = 0;
@@ -420,6 +422,7 @@ void Tracker::settle_in_robot_frame() {
   for (std::size_t i = 0; i < ours.size(); ++i) product += (ours[i] - mean).dot(robots[i] - robots_mean);
   const double scale = product / std::max(spread2, 1e-12);
   const double sigma = sigma_m / std::sqrt(std::max(spread2, 1e-12));
+  unit_sigma_ = sigma;
   if (!(std::abs(scale - 1) > std::max(kLeastChange, sigma)) || sigma > 0.1 || !(scale > 0.2 && scale < 5)) return;
   Similarity change;
   change.scale = scale;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -57,6 +58,9 @@ struct TrackingResult {
   double median_distance_m = 0;
   int points = 0;            ///< seen at their place
   bool relocalised = false;  ///< found again with this frame
+  /// Standard deviation of the unit of length, of itself: how well the robot's kinematics have fixed it so far.
+  /// Infinite without them, and while a map is young.
+  double unit_sigma = std::numeric_limits<double>::infinity();
   bool began_map = false;    ///< a piece of map began with this frame
   KeyFrameId reference = 0;  ///< the key frame to which the pose is known; corrections of the map move both
   Eigen::Isometry3d T_camera_reference = Eigen::Isometry3d::Identity();
@@ -138,7 +142,8 @@ class Tracker {
   std::deque<TrackingResult> posed_;  ///< the last frames that had a prior ...
   std::deque<PosePrior> priors_;      ///< ... and theirs
   std::size_t frames_since_settled_ = 0;
-  int key_frames_asked_for_ = 0;  ///< since the start
+  double unit_sigma_ = std::numeric_limits<double>::infinity();  ///< of the piece at hand
+  int key_frames_asked_for_ = 0;                                 ///< since the start
   std::uint64_t frames_since_key_frame_ = 0;
   Eigen::Isometry3d T_camera_world_key_frame_ = Eigen::Isometry3d::Identity();  ///< of the last one asked for
   std::size_t key_frame_features_ = 0;

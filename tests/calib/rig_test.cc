@@ -68,6 +68,17 @@ TEST_F(RigFile, IsReadInSiUnits) {
   EXPECT_NEAR(rig.angular_speed_limit_rad_s, 1.5707963267948966, 1e-12);
 }
 
+TEST_F(RigFile, TellsHowFarTheKinematicsAreOff) {
+  std::string text = kRig;
+  text.insert(text.find("limits"), "kinematics_noise:\n  translation: 3 mm\n  rotation: 0.5 deg\n");
+  const Rig rig = load_rig(write(text));
+  EXPECT_DOUBLE_EQ(rig.kinematics_sigma_m, 0.003);
+  EXPECT_NEAR(rig.kinematics_sigma_rad, 0.0087266, 1e-7);
+  EXPECT_DOUBLE_EQ(load_rig(write(kRig)).kinematics_sigma_m, 0.002);
+  text.replace(text.find("3 mm"), 4, "0 mm");
+  EXPECT_THROW(load_rig(write(text)), InputError);
+}
+
 TEST_F(RigFile, NamesFileLineKeyAndMend) {
   const std::string unknown = fault("stereo_baseline", "stereo_base");
   EXPECT_NE(unknown.find(".yaml:9: stereo_base: unknown key"), std::string::npos) << unknown;

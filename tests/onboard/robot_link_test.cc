@@ -11,6 +11,7 @@
 #include "lcmtypes/link/depth_map_receiver.h"
 #include "lcmtypes/link/memory_bus.h"
 #include "lcmtypes/link/waypoints.h"
+#include "onboard/executive/stereo_view.h"
 #include "tests/onboard/fake_robot.h"
 
 namespace vantage {
@@ -69,7 +70,8 @@ class RobotLinkTest : public testing::Test {
   std::vector<depth_map_t> maps_;
   std::unique_ptr<DepthMapReceiver> receiver_;
   FakeRobot robot_;
-  StereoDepth depth_{FakeRobot::camera(), FakeRobot::kBaseline_m, {.disparities = 16}};
+  StereoDepth matcher_{FakeRobot::camera(), FakeRobot::kBaseline_m, {.disparities = 16}};
+  StereoView depth_{matcher_};
   Executive executive_{robot_, robot_, depth_, {20, 20}};
 };
 

@@ -112,6 +112,18 @@ test_reconstruction() {
   echo "$last"
 }
 
+# --- The same with one camera on a carrier that is off by 2 mm and 0.2 degrees: tracking, and depth from small motions.
+test_reconstruction_mono() {
+  expect_status 0 "$root/scripts/run-simulation" "$scratch" "$teapot" 1 --mono --most-views 12
+  local last
+  last=$(tail -n 1 "$scratch/out.log")
+  [[ $last =~ ^coverage\ (0\.[0-9]{3})\ after\ 12\ views$ ]] || fail "last line is \"$last\""
+  awk -v c="${BASH_REMATCH[1]}" 'BEGIN { exit !(c >= 0.80) }' || fail "$last: less than 0.80"
+  expect_status 0 "$bin/vantage-offboard" --replay "$scratch/log.lcm" --speed 0 --session "$scratch/again"
+  cmp "$scratch/map.ot" "$scratch/again/map.ot" || fail "the replay's map differs"
+  echo "$last"
+}
+
 # --- A file of views instead of the paper's.
 test_views_from_file() {
   printf '0.6 0 0.15 -0.5 -0.5 0.5 0.5\n0 0.6 0.15 0 -0.7071068 0.7071068 0\n' >"$scratch/views.txt"

@@ -29,11 +29,10 @@ inline StereoCamera small_stereo_camera() {
 /// A server with a small camera, in a thread of its own.
 class Serving {
  public:
-  explicit Serving(int slots = 4, bool keep_serving = false) {
-    ServerOptions options;
+  explicit Serving(int slots = 4, bool keep_serving = false) : Serving(with(slots, keep_serving)) {}
+  /// The socket and the first pose are its own.
+  explicit Serving(ServerOptions options) {
     options.socket = path();
-    options.slots = slots;
-    options.keep_serving = keep_serving;
     options.first_pose = look_at({0.6, 0, 0.35}, {0, 0, 0.1});
     server_ = std::make_unique<Server>(camera_, options);
     thread_ = std::thread([this] { end_ = server_->run(); });
@@ -59,6 +58,13 @@ class Serving {
   }
 
  private:
+  static ServerOptions with(int slots, bool keep_serving) {
+    ServerOptions options;
+    options.slots = slots;
+    options.keep_serving = keep_serving;
+    return options;
+  }
+
   ScratchFolder folder_;
   StereoCamera camera_ = small_stereo_camera();
   std::unique_ptr<Server> server_;

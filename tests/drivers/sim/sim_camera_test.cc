@@ -64,6 +64,42 @@ TEST(SimCamera, AFrameShowsThePoseThatWasSet) {
   EXPECT_LT(last_ns, std::chrono::nanoseconds(steady_clock::now().time_since_epoch()).count());
 }
 
+TEST(SimCamera, OneEyeAloneSeesWhatItSeesInAPair) {
+  Serving serving;
+  SimCamera camera(serving.path(), seconds(5), SimCamera::Eyes::kLeft);
+  const Eigen::Isometry3d pose = look_at({0.4, 0.4, 0.3}, {0, 0, 0.1});
+  ASSERT_TRUE(camera.set_pose(pose));
+  Frame frame;
+  ASSERT_EQ(camera.next(&frame, seconds(10)), FrameStatus::kFrame);
+  EXPECT_TRUE(frame.right_image.empty());
+  std::vector<std::uint8_t> left(serving.camera().pixels()), right(serving.camera().pixels());
+  serving.camera().capture(pose, frame.sequence, left, right);
+  EXPECT_EQ(bytes_of(frame.image), left);
+}
+
+TEST(SimCamera, ALooseCarrierStandsBesideWhereItSays) {
+  ServerOptions options;
+  options.carrier_sigma_m = 0.01;
+  options.carrier_sigma_rad = 0.02;
+  Serving serving(options);
+  SimCamera camera(serving.path(), seconds(5), SimCamera::Eyes::kLeft);
+  const Eigen::Isometry3d pose = look_at({0.4, 0.4, 0.3}, {0, 0, 0.1});
+  ASSERT_TRUE(camera.set_pose(pose));
+  std::vector<std::vector<std::uint8_t>> seen;
+  for (int i = 0; i < 2; ++i) {
+    Frame frame;
+    ASSERT_EQ(camera.next(&frame, seconds(10)), FrameStatus::kFrame);
+    EXPECT_EQ(frame.T_world_camera->matrix(), pose.matrix());  // as the carrier says
+    std::vector<std::uint8_t> there(serving.camera().pixels());
+    serving.camera().capture(pose, frame.sequence, there, {});
+    seen.push_back(bytes_of(frame.image));
+    EXPECT_NE(seen.back(), there);
+  }
+  EXPECT_NE(seen[0], seen[1]);
+  options.carrier_sigma_m = std::nan("");
+  EXPECT_THROW(Serving{options}, std::invalid_argument);
+}
+
 TEST(SimCamera, RefusesPosesThatAreNotRigidAndStaysWhereItIs) {
   Serving serving;
   SimCamera camera(serving.path());

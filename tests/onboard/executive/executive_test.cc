@@ -1,11 +1,13 @@
 #include "onboard/executive/executive.h"
 
+#include <atomic>
 #include <cmath>
 #include <functional>
 
 #include <gtest/gtest.h>
 
 #include "calib/files/input_error.h"
+#include "onboard/executive/stereo_view.h"
 #include "tests/onboard/fake_robot.h"
 
 namespace vantage {
@@ -31,7 +33,8 @@ ViewGoal goal_at(std::int64_t id, const Eigen::Vector3d& position) {
 class ExecutiveTest : public testing::Test {
  protected:
   FakeRobot robot_;
-  StereoDepth depth_{FakeRobot::camera(), FakeRobot::kBaseline_m, {.disparities = 16}};
+  StereoDepth matcher_{FakeRobot::camera(), FakeRobot::kBaseline_m, {.disparities = 16}};
+  StereoView depth_{matcher_};
   FlightLimits limits_{5, 5};
 };
 
@@ -122,6 +125,62 @@ TEST_F(ExecutiveTest, ADepthMapThatIsNotFetchedIsNotReplaced) {
   EXPECT_EQ(map->goal_id, 2);
 }
 
+/// Wants frames from three places beside the view, and to see the way there.
+class ThreePlaces final : public ViewDepth {
+ public:
+  explicit ThreePlaces(StereoDepth& matcher) : matcher_(matcher) {}
+  bool fits(const Frame&, std::string*) override { return true; }
+  bool watches_the_way() const override { return true; }
+  void pass(const Frame&) override { ++passed; }
+  void begin(const Frame& key) override {
+    key_ = key;
+    added = 0;
+  }
+  std::optional<Eigen::Isometry3d> next_pose() override {
+    if (added == 3) return {};
+    return *key_.T_world_camera * Eigen::Translation3d(0, 0.1 * (added + 1), 0);
+  }
+  void add(const Frame& frame) override {
+    EXPECT_TRUE(frame.T_world_camera->translation().isApprox(next_pose()->translation()));
+    ++added;
+  }
+  bool finish(DepthMap* map, std::string* why) override { return matcher_.compute(key_, map, why); }
+
+  std::atomic<int> passed = 0, added = 0;
+
+ private:
+  StereoDepth& matcher_;
+  Frame key_;
+};
+
+TEST_F(ExecutiveTest, MovesAroundTheViewAsTheDepthAsks) {
+  ThreePlaces depth(matcher_);
+  Executive executive(robot_, robot_, depth, limits_);
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.4, 0, 0})));
+  std::optional<DepthMap> map;
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
+  EXPECT_EQ(depth.added, 3);
+  EXPECT_GT(depth.passed, 0);
+  EXPECT_EQ(map->T_world_camera.translation(), Eigen::Vector3d(0.4, 0, 0));  // the view's, not where it ended
+  EXPECT_TRUE(executive.snapshot().T_world_camera.translation().isApprox(Eigen::Vector3d(0.4, 0.3, 0)));
+  EXPECT_EQ(executive.fetch_frame()->T_world_camera->translation(), Eigen::Vector3d(0.4, 0, 0));
+}
+
+TEST_F(ExecutiveTest, HoldBreaksOffTheMotionAroundAView) {
+  limits_ = {0.2, 5};
+  ThreePlaces depth(matcher_);
+  Executive executive(robot_, robot_, depth, limits_);
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.02, 0, 0})));
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return depth.added == 1; }));
+  executive.hold();
+  std::this_thread::sleep_for(milliseconds(100));
+  const std::size_t stopped = robot_.path().size();
+  std::this_thread::sleep_for(milliseconds(200));
+  EXPECT_EQ(robot_.path().size(), stopped);
+  EXPECT_LT(depth.added, 3);
+  EXPECT_FALSE(executive.fetch_depth_map());
+}
+
 TEST_F(ExecutiveTest, SaysWhenTheCameraHasGone) {
   Executive executive(robot_, robot_, depth_, limits_);
   std::string reason;
@@ -134,7 +193,8 @@ TEST_F(ExecutiveTest, SaysWhenTheCameraHasGone) {
 TEST_F(ExecutiveTest, DoesNotStartOnACameraOfAnotherSize) {
   CameraModel other = FakeRobot::camera();
   other.width = 64;
-  StereoDepth depth(other, 0.1, {.disparities = 16});
+  StereoDepth matcher(other, 0.1, {.disparities = 16});
+  StereoView depth(matcher);
   try {
     Executive executive(robot_, robot_, depth, limits_);
     FAIL();
