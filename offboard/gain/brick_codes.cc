@@ -5,43 +5,81 @@
 namespace vantage {
 namespace {
 
-constexpr std::size_t kVoxels = BrickCodes::Codes{}.size();
-constexpr std::size_t kPad = 3;  // kernels read a code as the lowest byte of 32 bits
+constexpr std::size_t kVoxels = 64;  // of a cell
+constexpr std::size_t kPad = 3;      // kernels read a code as the lowest byte of 32 bits
+
+constexpr std::uint32_t span(int edge) { return static_cast<std::uint32_t>(edge - 1) << FieldView::kSpanShift; }
 
 }  // namespace
 
 void BrickCodes::reset(const Eigen::Vector3i& size_bricks, const VisitTable& table, std::size_t expected) {
   size_ = size_bricks;
-  strides_ = {1, size_.x() + 2, (size_.x() + 2) * (size_.y() + 2)};
+  strides_ = {size_.x() + 2, (size_.x() + 2) * (size_.y() + 2)};
   stop_begin_ = static_cast<std::uint32_t>(table.stop_begin);
-  words_.assign(static_cast<std::size_t>(strides_[2]) * static_cast<std::size_t>(size_.z() + 2),
-                FieldView::kUniformBrick | static_cast<std::uint32_t>(table.sentinel()));
+  octet_bit_ = table.octet_bit();
+  words_.assign(kCellsPerBrick * static_cast<std::size_t>(strides_[1]) * static_cast<std::size_t>(size_.z() + 2),
+                FieldView::kUniformCell | static_cast<std::uint32_t>(table.sentinel()));
   for (auto* plane : {&codes_, &proximity_}) {
     plane->clear();
-    plane->reserve((expected + expected / 8) * kVoxels + kPad);
+    plane->reserve(expected * kCellsPerBrick * kVoxels + kPad);
     plane->insert(plane->end(), kPad, 0);
   }
   unused_.clear();
 }
 
 bool BrickCodes::set_uniform(const Eigen::Vector3i& brick, unsigned entry) {
-  std::uint32_t& word = words_[index(brick)];
-  const std::uint32_t before = word & ~FieldView::kCubeMask, after = FieldView::kUniformBrick | entry;
-  if ((word & FieldView::kUniformBrick) == 0) unused_.push_back(word & FieldView::kBrickNumber);
-  word = after;
-  return after != before;
+  std::uint32_t* words = &words_[index(brick)];
+  bool changed = false;
+  for (std::size_t cell = 0; cell < kCellsPerBrick; ++cell) changed |= set_uniform_cell(words + cell, entry);
+  return changed;
 }
 
 bool BrickCodes::set(const Eigen::Vector3i& brick, const Codes& codes) {
-  // A brick's voxels may differ in what rays do not ask: marks of known voxels.
-  const unsigned first = codes[0];
-  if (first <= kEntryMask && std::all_of(codes.begin(), codes.end(), [=](VisitCode code) { return code == first; })) {
-    return set_uniform(brick, first);
+  std::uint32_t* words = &words_[index(brick)];
+  bool changed = false;
+  CellCodes of_cell;
+  for (unsigned cell = 0; cell < kCellsPerBrick; ++cell) {
+    const VisitCode* first = &codes[4 * (cell & 1) + 32 * (cell >> 1 & 1) + 256 * (cell >> 2)];
+    for (unsigned z = 0; z < 4; ++z) {
+      for (unsigned y = 0; y < 4; ++y) std::copy_n(first + 8 * y + 64 * z, 4, &of_cell[4 * y + 16 * z]);
+    }
+    changed |= set_cell(words + cell, of_cell);
   }
-  std::uint32_t& word = words_[index(brick)];
-  const std::uint32_t before = word;
-  std::uint32_t number = word & FieldView::kBrickNumber;
-  if ((word & FieldView::kUniformBrick) != 0) {
+  return changed;
+}
+
+bool BrickCodes::set_uniform_cell(std::uint32_t* word, unsigned entry) {
+  const std::uint32_t before = *word & ~FieldView::kSpanMask, after = FieldView::kUniformCell | entry;
+  if ((*word & FieldView::kUniformCell) == 0) unused_.push_back(*word & FieldView::kCellNumber);
+  *word = after;
+  return after != before;
+}
+
+/// Sets the bit of octets whose voxels are alike, have no proximity and let rays through.
+void BrickCodes::mark_octets(CellCodes* codes) const {
+  for (unsigned octet = 0; octet < 8; ++octet) {
+    VisitCode* first = &(*codes)[offset_in_cell(2 * octet & 2, octet & 2, octet >> 1 & 2)];
+    if (*first > 0xff || stops(*first)) continue;
+    constexpr std::array<unsigned, 8> kOffsets = {0, 1, 4, 5, 16, 17, 20, 21};  // of offset_in_cell()
+    unsigned unlike = 0;
+    for (const unsigned offset : kOffsets) unlike |= static_cast<unsigned>(first[offset] ^ *first);
+    if (unlike != 0) continue;
+    for (const unsigned offset : kOffsets) first[offset] = static_cast<VisitCode>(first[offset] | octet_bit_);
+  }
+}
+
+bool BrickCodes::set_cell(std::uint32_t* word, const CellCodes& plain_codes) {
+  unsigned any = 0, unlike = 0;
+  for (const VisitCode code : plain_codes) {
+    any |= code;
+    unlike |= static_cast<unsigned>(code ^ plain_codes[0]);
+  }
+  if (unlike == 0 && any <= kEntryMask) return set_uniform_cell(word, any);
+  CellCodes codes = plain_codes;
+  if (octet_bit_ != 0) mark_octets(&codes);
+  const std::uint32_t before = *word;
+  std::uint32_t number = before & FieldView::kCellNumber;
+  if ((before & FieldView::kUniformCell) != 0) {
     if (unused_.empty()) {
       number = static_cast<std::uint32_t>(codes_.size() / kVoxels);
       codes_.resize(codes_.size() + kVoxels);
@@ -53,50 +91,61 @@ bool BrickCodes::set(const Eigen::Vector3i& brick, const Codes& codes) {
   }
   std::uint8_t* low = &codes_[number * kVoxels];
   std::uint8_t* high = &proximity_[number * kVoxels];
-  unsigned any = 0, different = 0;
-  for (const VisitCode code : codes) any |= code;
-  const bool has_proximity = any >> kProximityShift != 0;
-  for (unsigned row = 0; row < kVoxels; row += 8) {
-    for (unsigned x = 0; x < 8; ++x) {
-      const unsigned code = codes[row + x], at = offset_in_brick(x, row >> 3 & 7, row >> 6);
-      different |= low[at] ^ (code & 0xff);
-      low[at] = static_cast<std::uint8_t>(code);
-      if (!has_proximity) continue;
-      different |= high[at] ^ (code >> kProximityShift);
-      high[at] = static_cast<std::uint8_t>(code >> kProximityShift);
-    }
+  unsigned different = 0;
+  for (std::size_t i = 0; i < kVoxels; ++i) {
+    different |= low[i] ^ (codes[i] & 0xffU);
+    low[i] = static_cast<std::uint8_t>(codes[i]);
   }
-  word = number | (has_proximity ? FieldView::kHasProximity : 0);
-  return word != before || different != 0;
+  const bool has_proximity = any >> kProximityShift != 0;
+  for (std::size_t i = 0; i < kVoxels && has_proximity; ++i) {
+    different |= high[i] ^ (static_cast<unsigned>(codes[i]) >> kProximityShift);
+    high[i] = static_cast<std::uint8_t>(codes[i] >> kProximityShift);
+  }
+  *word = number | (has_proximity ? FieldView::kHasProximity : 0);
+  return *word != before || different != 0;
 }
 
-/// Cubes of 2, 4, 8 bricks an edge at multiples of as many, all uniform and alike.
+/// Cubes of 2, 4, ... cells an edge at multiples of as many, all uniform and alike.
 void BrickCodes::join_cubes() {
-  for (std::uint32_t& word : words_) {
-    if ((word & FieldView::kUniformBrick) != 0) word &= ~FieldView::kCubeMask;
-  }
-  for (int log2 = 1; log2 <= FieldView::kMaxLog2Cube; ++log2) {
-    const int edge = 1 << log2, half = edge / 2;
-    const std::uint32_t smaller = static_cast<std::uint32_t>(log2 - 1) << FieldView::kCubeShift;
-    Eigen::Vector3i at;
-    for (at.z() = 0; at.z() + edge <= size_.z(); at.z() += edge) {
-      for (at.y() = 0; at.y() + edge <= size_.y(); at.y() += edge) {
-        for (at.x() = 0; at.x() + edge <= size_.x(); at.x() += edge) {
-          std::uint32_t* first = &words_[index(at)];
-          const std::uint32_t word = *first;
-          if ((word & (FieldView::kUniformBrick | FieldView::kCubeMask)) != (FieldView::kUniformBrick | smaller) ||
-              (word & kEntryMask) >= stop_begin_) {
+  Eigen::Vector3i at;
+  for (at.z() = 0; at.z() < size_.z(); ++at.z()) {
+    for (at.y() = 0; at.y() < size_.y(); ++at.y()) {
+      for (at.x() = 0; at.x() < size_.x(); ++at.x()) {
+        std::uint32_t* words = &words_[index(at)];
+        const std::uint32_t entry = words[0] & ~FieldView::kSpanMask;
+        bool alike = true;
+        for (std::size_t cell = 0; cell < kCellsPerBrick; ++cell) {
+          std::uint32_t& word = words[cell];
+          if ((word & FieldView::kUniformCell) == 0) {
+            alike = false;
             continue;
           }
+          word &= ~FieldView::kSpanMask;
+          alike = alike && word == entry;
+          if (!stops(word)) word |= span(4);
+        }
+        if (alike && !stops(entry)) std::fill_n(words, kCellsPerBrick, entry | span(8));
+      }
+    }
+  }
+  for (int edge = 16; edge <= FieldView::kMaxEdge; edge *= 2) {
+    const int bricks = edge / 8, half = bricks / 2;
+    for (at.z() = 0; at.z() + bricks <= size_.z(); at.z() += bricks) {
+      for (at.y() = 0; at.y() + bricks <= size_.y(); at.y() += bricks) {
+        for (at.x() = 0; at.x() + bricks <= size_.x(); at.x() += bricks) {
+          const std::uint32_t word = words_[index(at)];
+          if ((word & FieldView::kUniformCell) == 0 || (word & FieldView::kSpanMask) != span(edge / 2)) continue;
           bool alike = true;
           for (int corner = 1; corner < 8 && alike; ++corner) {
-            alike = word == first[half * ((corner & 1) * strides_[0] + (corner >> 1 & 1) * strides_[1] +
-                                          (corner >> 2) * strides_[2])];
+            alike = word == words_[index(at + half * Eigen::Vector3i(corner & 1, corner >> 1 & 1, corner >> 2))];
           }
           if (!alike) continue;
-          const std::uint32_t joined = word + (1U << FieldView::kCubeShift);
-          for (int z = 0; z < edge; ++z) {
-            for (int y = 0; y < edge; ++y) std::fill_n(first + y * strides_[1] + z * strides_[2], edge, joined);
+          for (int z = 0; z < bricks; ++z) {
+            for (int y = 0; y < bricks; ++y) {
+              std::fill_n(&words_[index(at + Eigen::Vector3i(0, y, z))],
+                          kCellsPerBrick * static_cast<std::size_t>(bricks),
+                          (word & ~FieldView::kSpanMask) | span(edge));
+            }
           }
         }
       }
@@ -105,22 +154,21 @@ void BrickCodes::join_cubes() {
 }
 
 VisitCode BrickCodes::code(const Eigen::Vector3i& voxel) const {
-  const std::uint32_t word = words_[index(voxel / 8)];
-  if ((word & FieldView::kUniformBrick) != 0) return static_cast<VisitCode>(word & kEntryMask);
-  const Eigen::Vector3i in_brick = voxel - voxel / 8 * 8;
-  const std::size_t at = (word & FieldView::kBrickNumber) * kVoxels +
-                         offset_in_brick(static_cast<unsigned>(in_brick.x()), static_cast<unsigned>(in_brick.y()),
-                                         static_cast<unsigned>(in_brick.z()));
+  const auto x = static_cast<unsigned>(voxel.x()), y = static_cast<unsigned>(voxel.y()),
+             z = static_cast<unsigned>(voxel.z());
+  const std::uint32_t word = words_[index(voxel / 8) + cell_in_brick(x, y, z)];
+  if ((word & FieldView::kUniformCell) != 0) return static_cast<VisitCode>(word & kEntryMask);
+  const std::size_t at = (word & FieldView::kCellNumber) * kVoxels + offset_in_cell(x, y, z);
   const unsigned proximity = (word & FieldView::kHasProximity) != 0 ? proximity_[at] : 0U;
-  return static_cast<VisitCode>(codes_[at] | proximity << kProximityShift);
+  return static_cast<VisitCode>((codes_[at] & ~octet_bit_) | proximity << kProximityShift);
 }
 
 void BrickCodes::show(FieldView* view) const {
-  view->brick_words = words_.data();
-  view->brick_codes = codes_.data();
-  view->brick_proximity = proximity_.data();
+  view->cell_words = words_.data();
+  view->cell_codes = codes_.data();
+  view->cell_proximity = proximity_.data();
   view->brick_strides = strides_;
-  view->first_brick_offset = strides_[0] + strides_[1] + strides_[2];
+  view->first_brick = 1 + strides_[0] + strides_[1];
 }
 
 std::size_t BrickCodes::memory_bytes() const {

@@ -10,8 +10,6 @@
 
 namespace vantage {
 
-constexpr std::int32_t kWalkedBrickEdge = 8;
-
 /// How many of the crossings at time, time + period, ... come before `end`, or, with `ties`, not after it.
 static inline std::int32_t crossings_before(std::int32_t end, bool ties, std::int32_t time, std::int32_t period,
                                             float inverse) {
@@ -50,13 +48,13 @@ struct BrickWalker {
   }
 };
 
-/// Leaves the brick, or a cube of that edge (a power of two) at a multiple of it, in one step; the number of its voxels
+/// Leaves the cube of that edge (voxels, a power of two) at a multiple of it, in one step; the number of its voxels
 /// that were met, the present one included.
-static inline std::int32_t leave_brick(BrickWalker* w, std::int32_t edge = kWalkedBrickEdge) {
-  std::array<std::int32_t, 3> ahead, exit;  // faces to cross to be out of the brick along each axis; when
+static inline std::int32_t leave_cube(BrickWalker* w, std::int32_t edge) {
+  std::array<std::int32_t, 3> ahead, exit;  // faces to cross to be out of the cube along each axis; when
   for (std::size_t a = 0; a < 3; ++a) {
-    const std::int32_t in_brick = w->voxel[a] & (edge - 1);
-    ahead[a] = w->direction[a] > 0 ? edge - in_brick : in_brick + 1;
+    const std::int32_t in_cube = w->voxel[a] & (edge - 1);
+    ahead[a] = w->direction[a] > 0 ? edge - in_cube : in_cube + 1;
     const std::int64_t at = w->time[a] + static_cast<std::int64_t>(ahead[a] - 1) * w->period[a];
     exit[a] = static_cast<std::int32_t>(std::min<std::int64_t>(at, std::numeric_limits<std::int32_t>::max()));
   }

@@ -1,8 +1,13 @@
-// Sixteen rays at once through a field of bricks. Compiled for AVX-512 F, BW, DQ and VL.
+// Many rays at once through a field of bricks. Compiled for AVX-512 F, BW, DQ and VL.
 //
-// Rays in uniform bricks cross them, or the cubes of like ones they lie in, in one step each; then rays in the others
-// walk voxel by voxel until most have left theirs. Integer times make k steps at once the same as k steps one by one
-// (ray_packet.h).
+// A step takes every ray, for itself, out of the cube of like cells that it is in, or out of its voxel where the cell
+// is not uniform: a voxel is a cube with an edge of one. Integer times make k steps at once the same as k steps one by
+// one (ray_packet.h). A ray that has ended makes room for the next, so that lanes are seldom idle, however much the
+// rays' ways differ. A ray's numbers depend on nothing but the ray, and a block's sums are its rays' in order.
+//
+// What costs time here is waiting: for codes from distant caches, and for branches foretold wrongly because what they
+// ask depends on those codes. So several groups of sixteen rays take turns, and a step has no branch at all: what
+// seldom happens (proximities, rays that end) is seen to at the group's next turn, when its loads have long arrived.
 
 #include <immintrin.h>
 
@@ -12,240 +17,361 @@
 namespace vantage {
 namespace {
 
-/// Sixteen rays in flight, and what they have gathered.
-template <int kPairs>
-class BrickPacket {
- public:
-  BrickPacket(const FieldView& field, const RayPacket<16>& packet)
-      : field_(field), pass_(field.table->pass.data()), entropy_(field.table->entropy.data()) {
-    alive_ = _mm512_test_epi32_mask(load(packet.hits_region), load(packet.hits_region));
-    for (std::size_t a = 0; a < 3; ++a) {
-      time_[a] = load(packet.time[a]);
-      period_[a] = load(packet.period[a]);
-      inverse_[a] = _mm512_div_ps(_mm512_set1_ps(1), _mm512_cvtepi32_ps(period_[a]));
-      voxel_[a] = load(packet.voxel[a]);
-      forward_[a] = _mm512_cmpgt_epi32_mask(load(packet.direction[a]), _mm512_setzero_si512());
-      // Turns a position in a brick or cube, under its mask, into the faces ahead less one.
-      flip_[a] = _mm512_maskz_set1_epi32(forward_[a], -1);
-    }
+constexpr std::size_t kLanes = 16;
+static_assert(kLanes == kRaysPerBlock);
+constexpr std::size_t kGroups = 8;      // taking turns
+constexpr std::size_t kMaxBlocks = 64;  // cast together
+constexpr std::size_t kMaxRays = kMaxBlocks * kRaysPerBlock;
+constexpr int kOrMasked = 0xf8;  // of vpternlogd: a | (b & c)
+
+/// What each ray of a batch met.
+struct alignas(64) RayResults {
+  std::array<float, kMaxRays> entropy, occlusion_aware, unobserved, rear_side_entropy;
+  std::array<std::int32_t, kMaxRays> visits, proximity, ends;
+
+  static constexpr int kOccupied = 1, kRearSide = 2, kOccplane = 4;  // bits of `ends`
+
+  RaySums sums_of(std::size_t block) const {
+    const std::size_t first = block * kRaysPerBlock;
+    const auto add_up = [first](const std::array<float, kMaxRays>& of_ray) {
+      return sum(_mm512_load_ps(&of_ray[first]));
+    };
+    const auto count = [first](const std::array<std::int32_t, kMaxRays>& of_ray) {
+      return _mm512_reduce_add_epi32(_mm512_load_si512(&of_ray[first]));
+    };
+    const __m512i ends_of_block = _mm512_load_si512(&ends[first]);
+    const auto with = [ends_of_block](int bit) {
+      return static_cast<unsigned>(_mm512_test_epi32_mask(ends_of_block, _mm512_set1_epi32(bit)));
+    };
+    RaySums total;
+    total.visits = count(visits);
+    total.proximity_steps = count(proximity);
+    total.ends_occplane = __builtin_popcount(with(kOccplane));
+    total.ends_occupied = __builtin_popcount(with(kOccupied) & ~with(kOccplane));
+    total.rear_side_voxels = __builtin_popcount(with(kRearSide));
+    total.entropy = add_up(entropy);
+    total.occlusion_aware = add_up(occlusion_aware);
+    total.unobserved_voxel = add_up(unobserved);
+    total.rear_side_entropy = add_up(rear_side_entropy);
+    return total;
   }
-
-  RaySums run() {
-    while (alive_ != 0) {
-      __m512i word = brick_words();
-      const __m512i entry = _mm512_and_si512(word, _mm512_set1_epi32(kEntryMask));
-      const __mmask16 uniform =
-          _mm512_mask_cmplt_epi32_mask(_mm512_mask_cmplt_epi32_mask(alive_, word, _mm512_setzero_si512()), entry,
-                                       _mm512_set1_epi32(field_.table->stop_begin));
-      if (uniform != 0) cross(uniform, word);
-      const __mmask16 mixed = static_cast<__mmask16>(alive_ & ~uniform);
-      if (mixed != 0) walk(mixed, word);
-    }
-    RaySums sums;
-    sums.visits = visits_;
-    sums.rear_side_voxels = rear_side_voxels_;
-    sums.ends_occupied = ends_occupied_;
-    sums.ends_occplane = __builtin_popcount(_mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit)));
-    sums.proximity_steps = _mm512_reduce_add_epi32(proximity_);
-    sums.entropy = sum(entropy_sum_);
-    sums.occlusion_aware = sum(occlusion_aware_);
-    sums.unobserved_voxel = sum(unobserved_);
-    sums.rear_side_entropy = sum(rear_side_entropy_);
-    return sums;
-  }
-
- private:
-  __m512i brick_words() const {
-    __m512i at = _mm512_set1_epi32(field_.first_brick_offset);
-    for (std::size_t a = 0; a < 3; ++a) {
-      at = _mm512_add_epi32(
-          at, _mm512_mullo_epi32(_mm512_srai_epi32(voxel_[a], 3), _mm512_set1_epi32(field_.brick_strides[a])));
-    }
-    return _mm512_mask_i32gather_epi32(_mm512_setzero_si512(), alive_, at, field_.brick_words, 4);
-  }
-
-  /// Which axis' face comes next: x before y before z where two come at once.
-  static void next_axis(const __m512i time[3], __mmask16 go[3]) {
-    const __mmask16 x_after_y = _mm512_cmpgt_epi32_mask(time[0], time[1]);
-    const __mmask16 x_after_z = _mm512_cmpgt_epi32_mask(time[0], time[2]);
-    const __mmask16 y_after_z = _mm512_cmpgt_epi32_mask(time[1], time[2]);
-    go[0] = static_cast<__mmask16>(~(x_after_y | x_after_z));
-    go[1] = static_cast<__mmask16>(x_after_y & ~y_after_z);
-    go[2] = static_cast<__mmask16>(x_after_z & y_after_z);
-  }
-
-  __m512i faces_ahead(std::size_t a, __m512i mask) const {  // less one
-    return _mm512_and_si512(_mm512_xor_si512(voxel_[a], flip_[a]), mask);
-  }
-
-  void advance(std::size_t a, __mmask16 lanes, __m512i count) {
-    voxel_[a] = _mm512_mask_add_epi32(voxel_[a], static_cast<__mmask16>(lanes & forward_[a]), voxel_[a], count);
-    voxel_[a] = _mm512_mask_sub_epi32(voxel_[a], static_cast<__mmask16>(lanes & ~forward_[a]), voxel_[a], count);
-  }
-
-  void cross(__mmask16 lanes, __m512i word);
-  void walk(__mmask16 lanes, __m512i word);
-
-  const FieldView& field_;
-  const Column<kPairs> pass_, entropy_;
-  __m512i time_[3], period_[3], voxel_[3], flip_[3];
-  __m512 inverse_[3];
-  __mmask16 forward_[3];
-  __mmask16 alive_, before_unknown_ = 0;
-  __m512 visibility_ = _mm512_set1_ps(1), run_ = _mm512_setzero_ps();
-  __m512 entropy_sum_ = _mm512_setzero_ps(), occlusion_aware_ = _mm512_setzero_ps(), unobserved_ = _mm512_setzero_ps(),
-         rear_side_entropy_ = _mm512_setzero_ps();
-  __m512i proximity_ = _mm512_setzero_si512(), seen_ = _mm512_setzero_si512();
-  std::int64_t visits_ = 0, rear_side_voxels_ = 0, ends_occupied_ = 0;
 };
 
-/// Crosses cubes of uniform bricks that do not stop rays.
+/// The rays of a batch in their order.
+class RayQueue {
+ public:
+  RayQueue(const GridWalk& walk, const RayColumns& rays, const std::size_t* blocks, std::size_t count)
+      : walk_(walk), rays_(rays), blocks_(blocks), end_(count * kLanes) {}
+
+  bool empty() const { return next_ == end_; }
+  /// The packet of the next ray; the queue must not be empty.
+  const RayPacket<kLanes>& packet() {
+    if (next_in_packet() == 0) prepare_packet(walk_, rays_, blocks_[next_ / kLanes] * kRaysPerBlock, &packet_);
+    return packet_;
+  }
+  std::size_t next_in_packet() const { return next_ % kLanes; }
+  std::size_t next_in_batch() const { return next_; }
+  void pop(int rays) { next_ += static_cast<std::size_t>(rays); }
+
+ private:
+  const GridWalk& walk_;
+  const RayColumns& rays_;
+  const std::size_t* blocks_;
+  std::size_t end_, next_ = 0;
+  RayPacket<kLanes> packet_;
+};
+
+/// Columns of the visit table in registers.
 template <int kPairs>
-void BrickPacket<kPairs>::cross(__mmask16 lanes, __m512i word) {
-  const __m512i one = _mm512_set1_epi32(1), entry = _mm512_and_si512(word, _mm512_set1_epi32(kEntryMask));
-  const __m512i log2_cube =
-      _mm512_srli_epi32(_mm512_and_si512(word, _mm512_set1_epi32(FieldView::kCubeMask)), FieldView::kCubeShift);
-  const __m512i in_cube = _mm512_sub_epi32(_mm512_sllv_epi32(_mm512_set1_epi32(8), log2_cube), one);
-  __m512i exit[3];
-  for (std::size_t a = 0; a < 3; ++a) {
-    const __m512i ahead = faces_ahead(a, in_cube);
-    const __m512i at = _mm512_add_epi32(time_[a], _mm512_mullo_epi32(ahead, period_[a]));
-    // A product beyond 2^30 lies past the region; the sum of two numbers below 2^30 is right.
-    const __mmask16 near = _mm512_cmplt_ps_mask(
-        _mm512_mul_ps(_mm512_cvtepi32_ps(ahead), _mm512_cvtepi32_ps(period_[a])), _mm512_set1_ps(1073741824.0F));
-    exit[a] = _mm512_mask_mov_epi32(_mm512_set1_epi32(0x7fffffff), near, at);
+struct TableColumns {
+  explicit TableColumns(const VisitTable& table)
+      : entropy(table.entropy.data()),
+        log2_pass(table.log2_pass.data()),
+        series_scale(table.series_scale.data()),
+        unknown_end(_mm512_set1_epi32(table.unknown_end)),
+        stop_begin(_mm512_set1_epi32(table.stop_begin)),
+        sentinel(_mm512_set1_epi32(table.sentinel())),
+        parked(_mm512_set1_epi32(static_cast<int>(FieldView::kUniformCell) | table.parked())) {}
+
+  const Column<kPairs> entropy, log2_pass, series_scale;
+  const __m512i unknown_end, stop_begin, sentinel;
+  const __m512i parked;  // the word of a ray that is no more
+};
+
+/// q^k and 1 + q + ... + q^(k-1), from log2 q and 1 / (q - 1), to a few units in the last place.
+struct PowerAndSeries {
+  __m512 power, series;
+
+  PowerAndSeries(__m512 k, __m512 log2_q, __m512 series_scale) {
+    const __m512 exponent = _mm512_mul_ps(k, log2_q), whole = _mm512_roundscale_ps(exponent, _MM_FROUND_TO_NEAREST_INT);
+    const __m512 f = _mm512_sub_ps(exponent, whole);  // within [-1/2, 1/2]
+    // 2^f - 1 by Taylor: ln(2)^n / n!; the term left out is below 1.2e-7.
+    __m512 g = _mm512_set1_ps(1.54035304e-4F);
+    for (const float c : {1.33335581e-3F, 9.61812911e-3F, 5.55041087e-2F, 2.40226507e-1F, 6.93147181e-1F}) {
+      g = _mm512_fmadd_ps(g, f, _mm512_set1_ps(c));
+    }
+    g = _mm512_mul_ps(g, f);
+    // q^k - 1 = 2^whole g + (2^whole - 1): exact in the second term, so that small sums keep their digits.
+    const __m512 one = _mm512_set1_ps(1), scale = _mm512_scalef_ps(one, whole);
+    power = _mm512_fmadd_ps(scale, g, scale);
+    series = _mm512_mul_ps(_mm512_fmadd_ps(scale, g, _mm512_sub_ps(scale, one)), series_scale);
   }
-  __mmask16 out[3];
-  next_axis(exit, out);
-  const __m512i end = _mm512_min_epi32(_mm512_min_epi32(exit[0], exit[1]), exit[2]);
-  // Crossings of axis a up to the exit; at the exit's own time those of axes up to the exit's.
-  const __mmask16 up_to[3] = {0xffff, static_cast<__mmask16>(out[1] | out[2]), out[2]};
-  __m512i visits = _mm512_setzero_si512();
-  for (std::size_t a = 0; a < 3; ++a) {
-    const __m512i last = _mm512_mask_sub_epi32(end, static_cast<__mmask16>(~up_to[a]), end, one);
-    const __m512i left = _mm512_sub_epi32(last, time_[a]);
-    const __mmask16 any = static_cast<__mmask16>(_mm512_cmpge_epi32_mask(left, _mm512_setzero_si512()) & lanes);
-    // The quotient from single precision is right but for one; integers settle it.
-    __m512i quotient = _mm512_cvttps_epi32(_mm512_mul_ps(_mm512_cvtepi32_ps(left), inverse_[a]));
-    const __m512i rest = _mm512_sub_epi32(left, _mm512_mullo_epi32(quotient, period_[a]));
-    quotient = _mm512_mask_sub_epi32(quotient, _mm512_cmplt_epi32_mask(rest, _mm512_setzero_si512()), quotient, one);
-    quotient = _mm512_mask_add_epi32(quotient, _mm512_cmpge_epi32_mask(rest, period_[a]), quotient, one);
-    const __m512i count = _mm512_maskz_add_epi32(any, quotient, one);
-    time_[a] = _mm512_add_epi32(time_[a], _mm512_mullo_epi32(count, period_[a]));
-    advance(a, lanes, count);
-    visits = _mm512_add_epi32(visits, count);
-  }
-  visits_ += _mm512_reduce_add_epi32(visits);
-  // q^k and 1 + q + ... + q^(k-1) for k = visits < 256, by doubling.
-  const __m512 q = pass_.at(entry), entropy = entropy_.at(entry), unit = _mm512_set1_ps(1);
-  __m512 power = unit, series = _mm512_setzero_ps(), base_power = q, base_series = unit;
-  const int most = _mm512_mask_reduce_max_epi32(lanes, visits);
-  for (int bit = 1; bit <= most; bit <<= 1) {
-    const __mmask16 set = _mm512_test_epi32_mask(visits, _mm512_set1_epi32(bit));
-    series = _mm512_mask_add_ps(series, set, series, _mm512_mul_ps(power, base_series));
-    power = _mm512_mask_mul_ps(power, set, power, base_power);
-    base_series = _mm512_mul_ps(base_series, _mm512_add_ps(unit, base_power));
-    base_power = _mm512_mul_ps(base_power, base_power);
-  }
-  const __m512 visible = _mm512_mul_ps(_mm512_mul_ps(visibility_, entropy), series);
-  const __mmask16 unknown = _mm512_mask_cmplt_epi32_mask(lanes, entry, _mm512_set1_epi32(field_.table->unknown_end));
-  entropy_sum_ =
-      _mm512_mask_add_ps(entropy_sum_, lanes, entropy_sum_, _mm512_mul_ps(entropy, _mm512_cvtepi32_ps(visits)));
-  occlusion_aware_ = _mm512_mask_add_ps(occlusion_aware_, lanes, occlusion_aware_, visible);
-  unobserved_ = _mm512_mask_add_ps(unobserved_, unknown, unobserved_, visible);
-  visibility_ = _mm512_mask_mul_ps(visibility_, lanes, visibility_, power);
-  run_ = _mm512_mask_mov_ps(run_, lanes, _mm512_maskz_add_ps(unknown, run_, visible));
-  before_unknown_ = static_cast<__mmask16>((before_unknown_ & ~lanes) | unknown);
+};
+
+/// Asks for what lies at `base` + kSize `at`.
+template <int kSize>
+void prefetch(const void* base, __m512i at) {
+  alignas(64) std::array<std::int32_t, kLanes> offsets;
+  _mm512_store_si512(offsets.data(), at);
+  for (const std::int32_t offset : offsets)
+    __builtin_prefetch(static_cast<const char*>(base) + std::ptrdiff_t{kSize} * offset);
 }
 
-/// Walks the rays of `lanes`, whose bricks are not uniform (or stop rays), until most have left their brick or ended.
+/// Sixteen rays in flight, and what they have gathered. A turn is look_up(), then cross().
 template <int kPairs>
-void BrickPacket<kPairs>::walk(__mmask16 lanes, __m512i word) {
-  const VisitTable& table = *field_.table;
-  const __m512i unknown_end = _mm512_set1_epi32(table.unknown_end), stop_begin = _mm512_set1_epi32(table.stop_begin);
-  const __m512i sentinel = _mm512_set1_epi32(table.sentinel()), entry_mask = _mm512_set1_epi32(kEntryMask);
-  const __m512i zero = _mm512_setzero_si512(), parked = _mm512_set1_epi32(table.parked());
-  const __mmask16 has_proximity = _mm512_mask_test_epi32_mask(lanes, word, _mm512_set1_epi32(FieldView::kHasProximity));
+class RayGroup {
+ public:
+  /// False when all rays have ended and none is left.
+  bool busy() const { return (alive_ | ended_) != 0; }
+  /// Takes the first rays.
+  void start(const FieldView& field, RayQueue* queue) {
+    take_from(queue);
+    aim(field);
+  }
+  /// Sees to what the last turn left, and loads the words of the cells that the rays are in.
+  void look_up(const FieldView& field, const TableColumns<kPairs>& table, RayQueue* queue, RayResults* results);
+  /// Takes the rays out of their cubes or voxels.
+  void cross(const FieldView& field, const TableColumns<kPairs>& table);
 
-  // A uniform brick that stops rays ends them here and now.
-  const __mmask16 wall = _mm512_mask_cmplt_epi32_mask(lanes, word, zero);
-  // Faces ahead, less one, as a field of four bits an axis, whose top bit goes out when the last face is crossed.
-  // Shifts by 0, 3 and 9 bring the fields' bits to where offset_in_brick() has them, inverted for axes walked forward.
-  constexpr unsigned kField[3] = {9, 5, 13};
-  const __m512i guards = _mm512_set1_epi32(8 << kField[0] | 8 << kField[1] | 8 << kField[2]);
-  __m512i state = guards, base = _mm512_slli_epi32(word, 9);
-  __m512i ahead_before[3];
-  for (std::size_t a = 0; a < 3; ++a) {
-    ahead_before[a] = faces_ahead(a, _mm512_set1_epi32(7));
-    state = _mm512_add_epi32(state, _mm512_slli_epi32(ahead_before[a], kField[a]));
-    const unsigned all = offset_in_brick(a == 0 ? 7 : 0, a == 1 ? 7 : 0, a == 2 ? 7 : 0);
-    base = _mm512_xor_si512(base, _mm512_and_si512(flip_[a], _mm512_set1_epi32(static_cast<int>(all))));
-  }
-  __mmask16 walking = lanes;
-  const int enough = __builtin_popcount(lanes) / 2;
-  do {
-    constexpr int kXorMasked = 0x78;  // a ^ (b & c)
-    __m512i at = _mm512_ternarylogic_epi32(base, state, _mm512_set1_epi32(0x80), kXorMasked);
-    at = _mm512_ternarylogic_epi32(at, _mm512_srli_epi32(state, 3), _mm512_set1_epi32(0x10c), kXorMasked);
-    at = _mm512_ternarylogic_epi32(at, _mm512_srli_epi32(state, 9), _mm512_set1_epi32(0x73), kXorMasked);
-    __m512i code =
-        _mm512_mask_i32gather_epi32(parked, static_cast<__mmask16>(walking & ~wall), at, field_.brick_codes, 1);
-    code = _mm512_mask_mov_epi32(code, wall, word);
-    code = _mm512_mask_mov_epi32(parked, walking, code);
-    const __m512i entry = _mm512_and_si512(code, entry_mask);
-    const __m512 pass = pass_.at(entry), voxel_entropy = entropy_.at(entry);
-    const __mmask16 unknown = _mm512_cmplt_epi32_mask(entry, unknown_end);
-    const __mmask16 stop = _mm512_cmpge_epi32_mask(entry, stop_begin);
-    const __m512 visible = _mm512_mul_ps(visibility_, voxel_entropy);
-    entropy_sum_ = _mm512_add_ps(entropy_sum_, voxel_entropy);
-    occlusion_aware_ = _mm512_add_ps(occlusion_aware_, visible);
-    unobserved_ = _mm512_mask_add_ps(unobserved_, unknown, unobserved_, visible);
-    visibility_ = _mm512_mul_ps(visibility_, pass);
-    visits_ += __builtin_popcount(walking);
-    if (stop != 0) {
-      const __mmask16 left = _mm512_mask_cmpeq_epi32_mask(stop, entry, sentinel);
-      const __mmask16 occupied = static_cast<__mmask16>(stop & ~left);
-      const __mmask16 occplane = _mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit));
-      visits_ -= __builtin_popcount(left);
-      rear_side_voxels_ += __builtin_popcount(occupied & before_unknown_);
-      ends_occupied_ += __builtin_popcount(occupied & ~static_cast<unsigned>(occplane));
-      rear_side_entropy_ = _mm512_mask_add_ps(rear_side_entropy_, occupied, rear_side_entropy_, run_);
-      alive_ = static_cast<__mmask16>(alive_ & ~stop);
-      // Here alone, not below: else the end of this loop, which is hard to foresee, would wait for the codes to arrive.
-      walking = static_cast<__mmask16>(walking & ~stop);
-    }
-    run_ = _mm512_mask_mov_ps(run_, walking, _mm512_maskz_add_ps(unknown, run_, visible));
-    before_unknown_ = static_cast<__mmask16>((before_unknown_ & ~walking) | unknown);
-    seen_ = _mm512_or_si512(seen_, code);
-    const __mmask16 near = static_cast<__mmask16>(unknown & has_proximity & walking);
-    if (near != 0) {
-      const __m512i proximity = _mm512_mask_i32gather_epi32(zero, near, at, field_.brick_proximity, 1);
-      proximity_ = _mm512_add_epi32(proximity_, _mm512_and_si512(proximity, _mm512_set1_epi32(0xff)));
-    }
-    __mmask16 go[3];
-    next_axis(time_, go);
+ private:
+  void take_from(RayQueue* queue);
+  void write_down(RayResults* results);
+  void aim(const FieldView& field);
+  __m512i leave(__m512i in_cube);
+
+  static constexpr bool kOctets = kPairs <= 2;  // VisitTable::octet_bit()
+  static constexpr int kEnough = 4;             // rays ended, to take new ones
+
+  // The walk, axis by axis. Positions count down along the ray: a voxel's number for rays that go back, its complement
+  // (forward_: all bits set) for the others.
+  __m512i time_[3], period_[3], position_[3], forward_[3];
+  __m512 inverse_[3];  // a little less than 1 / period
+  __m512i limit_[3];   // so many periods take longer than the way through the region, or than any cube
+
+  // Where the rays look: their cell's word, their voxel in the cell, its code.
+  __m512i word_at_, in_cell_, word_, code_at_;
+
+  __mmask16 alive_ = 0, ended_ = 0;  // neither: empty
+  __mmask16 near_ = 0;               // the last code has a proximity that counts
+  __mmask16 before_unknown_ = 0, occupied_ = 0, rear_side_ = 0;
+  __m512 visibility_, run_, entropy_, occlusion_aware_, unobserved_, rear_side_entropy_;
+  __m512i visits_, proximity_, seen_;
+  __m512i ray_;  // its place in the batch
+};
+
+template <int kPairs>
+void RayGroup<kPairs>::take_from(RayQueue* queue) {
+  const __m512i zero = _mm512_setzero_si512();
+  while (!queue->empty()) {
+    unsigned empty = static_cast<__mmask16>(~(alive_ | ended_));
+    if (empty == 0) return;
+    const RayPacket<kLanes>& packet = queue->packet();
+    const std::size_t from = queue->next_in_packet();
+    while (__builtin_popcount(empty) > static_cast<int>(kLanes - from)) empty &= empty - 1;
+    const auto lanes = static_cast<__mmask16>(empty);
+    const auto load = [lanes, from](__m512i* to, const std::array<std::int32_t, kLanes>& column) {
+      *to = _mm512_mask_expandloadu_epi32(*to, lanes, column.data() + from);
+    };
     for (std::size_t a = 0; a < 3; ++a) {
-      const __mmask16 goes = static_cast<__mmask16>(go[a] & walking);
-      time_[a] = _mm512_mask_add_epi32(time_[a], goes, time_[a], period_[a]);
-      state = _mm512_mask_sub_epi32(state, goes, state, _mm512_set1_epi32(1 << kField[a]));
+      load(&time_[a], packet.time[a]);
+      load(&period_[a], packet.period[a]);
+      load(&position_[a], packet.voxel[a]);
+      load(&forward_[a], packet.direction[a]);
+      forward_[a] =
+          _mm512_mask_mov_epi32(forward_[a], lanes, _mm512_movm_epi32(_mm512_cmpgt_epi32_mask(forward_[a], zero)));
+      position_[a] = _mm512_mask_xor_epi32(position_[a], lanes, position_[a], forward_[a]);
+      const __m512 period = _mm512_cvtepi32_ps(period_[a]);
+      inverse_[a] = _mm512_mask_div_ps(inverse_[a], lanes, _mm512_set1_ps(1 - 0x1p-21F), period);
+      const __m512 fit = _mm512_div_ps(_mm512_set1_ps(0x1p31F - 0x1p8F), period);
+      limit_[a] = _mm512_mask_cvttps_epi32(limit_[a], lanes,
+                                           _mm512_min_ps(fit, _mm512_set1_ps(static_cast<float>(FieldView::kMaxEdge))));
     }
-    walking = _mm512_mask_cmpeq_epi32_mask(walking, _mm512_and_si512(state, guards), guards);
-  } while (__builtin_popcount(walking) > enough);
-  for (std::size_t a = 0; a < 3; ++a) {
-    // Faces crossed: the field's loss, modulo 16 (it may have borrowed nothing from above: its guard stood).
-    const __m512i field = _mm512_and_si512(_mm512_srli_epi32(state, kField[a]), _mm512_set1_epi32(15));
-    advance(a, lanes, _mm512_sub_epi32(_mm512_add_epi32(ahead_before[a], _mm512_set1_epi32(8)), field));
+    __m512i hits_region = zero;
+    load(&hits_region, packet.hits_region);
+    alive_ = static_cast<__mmask16>(alive_ | _mm512_test_epi32_mask(hits_region, hits_region));
+    visibility_ = _mm512_mask_mov_ps(visibility_, lanes, _mm512_set1_ps(1));
+    for (__m512* total : {&run_, &entropy_, &occlusion_aware_, &unobserved_, &rear_side_entropy_}) {
+      *total = _mm512_mask_mov_ps(*total, lanes, _mm512_setzero_ps());
+    }
+    for (__m512i* total : {&visits_, &proximity_, &seen_}) *total = _mm512_mask_mov_epi32(*total, lanes, zero);
+    for (__mmask16* flags : {&before_unknown_, &occupied_, &rear_side_}) {
+      *flags = static_cast<__mmask16>(*flags & ~lanes);
+    }
+    const __m512i in_order = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const __m512i first = _mm512_set1_epi32(static_cast<int>(queue->next_in_batch()));
+    ray_ = _mm512_mask_expand_epi32(ray_, lanes, _mm512_add_epi32(first, in_order));
+    queue->pop(__builtin_popcount(empty));
   }
+}
+
+template <int kPairs>
+void RayGroup<kPairs>::write_down(RayResults* results) {
+  const auto scatter = [this](std::array<std::int32_t, kMaxRays>* to, __m512i from) {
+    _mm512_mask_i32scatter_epi32(to->data(), ended_, ray_, from, sizeof(std::int32_t));
+  };
+  const auto scatter_floats = [this](std::array<float, kMaxRays>* to, __m512 from) {
+    _mm512_mask_i32scatter_ps(to->data(), ended_, ray_, from, sizeof(float));
+  };
+  const __mmask16 occplane = _mm512_test_epi32_mask(seen_, _mm512_set1_epi32(kOccplaneBit));
+  scatter_floats(&results->entropy, entropy_);
+  scatter_floats(&results->occlusion_aware, occlusion_aware_);
+  scatter_floats(&results->unobserved, unobserved_);
+  scatter_floats(&results->rear_side_entropy, rear_side_entropy_);
+  scatter(&results->visits, visits_);
+  scatter(&results->proximity, proximity_);
+  scatter(&results->ends, _mm512_or_si512(_mm512_or_si512(_mm512_maskz_set1_epi32(occupied_, RayResults::kOccupied),
+                                                          _mm512_maskz_set1_epi32(rear_side_, RayResults::kRearSide)),
+                                          _mm512_maskz_set1_epi32(occplane, RayResults::kOccplane)));
+  ended_ = 0;
+}
+
+/// Finds where the rays' cells have their words.
+template <int kPairs>
+void RayGroup<kPairs>::aim(const FieldView& field) {
+  __m512i voxel[3];
+  for (std::size_t a = 0; a < 3; ++a) voxel[a] = _mm512_xor_si512(position_[a], forward_[a]);
+  const auto bricks = [](__m512i along, std::int32_t stride) {
+    return _mm512_mullo_epi32(_mm512_srai_epi32(along, 3), _mm512_set1_epi32(8 * stride));
+  };
+  const auto bits = [](__m512i base, __m512i from, int mask) {
+    return _mm512_ternarylogic_epi32(base, from, _mm512_set1_epi32(mask), kOrMasked);
+  };
+  __m512i brick = _mm512_add_epi32(bricks(voxel[1], field.brick_strides[0]), bricks(voxel[2], field.brick_strides[1]));
+  brick = _mm512_add_epi32(brick, _mm512_andnot_si512(_mm512_set1_epi32(7), voxel[0]));
+  brick = _mm512_add_epi32(brick, _mm512_set1_epi32(8 * field.first_brick));
+  __m512i cell = bits(brick, _mm512_srli_epi32(voxel[0], 2), 1);  // cell_in_brick()
+  cell = bits(cell, _mm512_srli_epi32(voxel[1], 1), 2);
+  word_at_ = _mm512_maskz_mov_epi32(alive_, bits(cell, voxel[2], 4));
+  in_cell_ = _mm512_and_si512(voxel[0], _mm512_set1_epi32(3));  // offset_in_cell()
+  in_cell_ = bits(in_cell_, _mm512_slli_epi32(voxel[1], 2), 3 << 2);
+  in_cell_ = bits(in_cell_, _mm512_slli_epi32(voxel[2], 4), 3 << 4);
+  prefetch<sizeof(std::uint32_t)>(field.cell_words, word_at_);
+}
+
+template <int kPairs>
+void RayGroup<kPairs>::look_up(const FieldView& field, const TableColumns<kPairs>& table, RayQueue* queue,
+                               RayResults* results) {
+  if (near_ != 0) {
+    const __m512i proximity =
+        _mm512_mask_i32gather_epi32(_mm512_setzero_si512(), near_, code_at_, field.cell_proximity, 1);
+    proximity_ = _mm512_add_epi32(proximity_, _mm512_and_si512(proximity, _mm512_set1_epi32(0xff)));
+  }
+  if (__builtin_popcount(ended_) >= kEnough || (alive_ == 0 && ended_ != 0)) {
+    write_down(results);
+    take_from(queue);
+    aim(field);
+  }
+  word_ = _mm512_mask_i32gather_epi32(table.parked, alive_, word_at_, field.cell_words, 4);
+  const __mmask16 mixed = static_cast<__mmask16>(~_mm512_movepi32_mask(word_));
+  code_at_ = _mm512_maskz_or_epi32(mixed, in_cell_, _mm512_slli_epi32(word_, 6));
+  prefetch<1>(field.cell_codes, code_at_);
+}
+
+/// Leaves the cube of which `in_cube` is the mask of positions, 0 for a voxel; how many of its voxels were met.
+template <int kPairs>
+__m512i RayGroup<kPairs>::leave(__m512i in_cube) {
+  const __m512i one = _mm512_set1_epi32(1);
+  __m512i exit[3];  // when the ray meets the cube's face ahead; unsigned: sums of two numbers below 2^31
+  for (std::size_t a = 0; a < 3; ++a) {
+    const __m512i faces = _mm512_min_epi32(_mm512_and_si512(position_[a], in_cube), limit_[a]);
+    exit[a] = _mm512_add_epi32(time_[a], _mm512_mullo_epi32(faces, period_[a]));
+  }
+  const __m512i end = _mm512_min_epu32(_mm512_min_epu32(exit[0], exit[1]), exit[2]);
+  // x goes before y before z where two come at once: faces of an axis after the exit's must come before the end.
+  const __mmask16 out_x = _mm512_cmpeq_epi32_mask(exit[0], end);
+  const __mmask16 not_after_y = static_cast<__mmask16>(out_x | _mm512_cmpeq_epi32_mask(exit[1], end));
+  const __mmask16 before[3] = {0, out_x, not_after_y};
+  __m512i visits = _mm512_setzero_si512();
+  for (std::size_t a = 0; a < 3; ++a) {
+    const __m512i last = _mm512_mask_sub_epi32(end, before[a], end, one);
+    const __m512i left = _mm512_sub_epi32(last, time_[a]);
+    const __mmask16 any = static_cast<__mmask16>(~_mm512_movepi32_mask(left));
+    // The quotient from single precision is right or one too small; integers settle it.
+    __m512i crossed = _mm512_cvttps_epi32(_mm512_mul_ps(_mm512_cvtepi32_ps(left), inverse_[a]));
+    const __m512i rest = _mm512_sub_epi32(left, _mm512_mullo_epi32(crossed, period_[a]));
+    crossed = _mm512_mask_add_epi32(crossed, _mm512_cmpge_epi32_mask(rest, period_[a]), crossed, one);
+    crossed = _mm512_maskz_add_epi32(any, crossed, one);
+    time_[a] = _mm512_add_epi32(time_[a], _mm512_mullo_epi32(crossed, period_[a]));
+    position_[a] = _mm512_sub_epi32(position_[a], crossed);
+    visits = _mm512_add_epi32(visits, crossed);
+  }
+  return visits;
+}
+
+template <int kPairs>
+void RayGroup<kPairs>::cross(const FieldView& field, const TableColumns<kPairs>& table) {
+  const __mmask16 uniform = _mm512_movepi32_mask(word_), mixed = static_cast<__mmask16>(~uniform);
+  const __m512i code = _mm512_mask_i32gather_epi32(word_, mixed, code_at_, field.cell_codes, 1);
+  const __m512i entry = _mm512_and_si512(code, _mm512_set1_epi32(kOctets ? kEntryMask / 2 : kEntryMask));
+  const __mmask16 unknown = _mm512_cmplt_epi32_mask(entry, table.unknown_end);
+  const __mmask16 stop = _mm512_cmpge_epi32_mask(entry, table.stop_begin);
+  const __mmask16 left = _mm512_cmpeq_epi32_mask(entry, table.sentinel);
+  const __mmask16 occupied = static_cast<__mmask16>(stop & ~left);
+
+  __m512i in_cube = _mm512_setzero_si512();
+  if constexpr (kOctets) in_cube = _mm512_and_si512(_mm512_srli_epi32(code, 6), _mm512_set1_epi32(1));
+  in_cube = _mm512_mask_and_epi32(in_cube, uniform, _mm512_srli_epi32(word_, FieldView::kSpanShift),
+                                  _mm512_set1_epi32(FieldView::kMaxEdge - 1));
+  const __m512i visits = leave(in_cube);
+  const __m512 k = _mm512_cvtepi32_ps(visits), entropy = table.entropy.at(entry);
+  const PowerAndSeries pass(k, table.log2_pass.at(entry), table.series_scale.at(entry));
+  const __m512 visible = _mm512_mul_ps(_mm512_mul_ps(visibility_, entropy), pass.series);
+
+  visits_ = _mm512_mask_add_epi32(visits_, static_cast<__mmask16>(alive_ & ~left), visits_, visits);
+  entropy_ = _mm512_add_ps(entropy_, _mm512_mul_ps(entropy, k));
+  occlusion_aware_ = _mm512_add_ps(occlusion_aware_, visible);
+  unobserved_ = _mm512_mask_add_ps(unobserved_, unknown, unobserved_, visible);
+  visibility_ = _mm512_mul_ps(visibility_, pass.power);
+  rear_side_entropy_ = _mm512_mask_mov_ps(rear_side_entropy_, occupied, run_);
+  rear_side_ = static_cast<__mmask16>(rear_side_ | (occupied & before_unknown_));
+  occupied_ = static_cast<__mmask16>(occupied_ | occupied);
+  run_ = _mm512_maskz_add_ps(unknown, run_, visible);
+  before_unknown_ = unknown;
+  seen_ = _mm512_mask_or_epi32(seen_, mixed, seen_, code);
+  near_ = _mm512_mask_test_epi32_mask(static_cast<__mmask16>(unknown & mixed), word_,
+                                      _mm512_set1_epi32(FieldView::kHasProximity));
+  alive_ = static_cast<__mmask16>(alive_ & ~stop);
+  ended_ = static_cast<__mmask16>(ended_ | stop);
+  aim(field);
+}
+
+template <int kPairs>
+void cast_batch(const FieldView& field, const GridWalk& walk, const RayColumns& rays, const std::size_t* blocks,
+                std::size_t count, RaySums* sums) {
+  RayResults results{};  // rays that miss the region leave zeros
+  RayQueue queue(walk, rays, blocks, count);
+  const TableColumns<kPairs> table(*field.table);
+  std::array<RayGroup<kPairs>, kGroups> groups{};
+  for (RayGroup<kPairs>& group : groups) group.start(field, &queue);
+  for (bool busy = true; busy;) {
+    busy = false;
+    for (RayGroup<kPairs>& group : groups) group.look_up(field, table, &queue, &results);
+    for (RayGroup<kPairs>& group : groups) {
+      group.cross(field, table);
+      busy |= group.busy();
+    }
+  }
+  for (std::size_t block = 0; block < count; ++block) sums[block] = results.sums_of(block);
 }
 
 }  // namespace
 
-RaySums cast_bricks_avx512(const FieldView& field, const GridWalk& walk, const RayColumns& rays, std::size_t block) {
-  RayPacket<kRaysPerBlock> packet;
-  prepare_packet(walk, rays, block * kRaysPerBlock, &packet);
-  if (field.table->size <= 32) return BrickPacket<1>(field, packet).run();
-  if (field.table->size <= 64) return BrickPacket<2>(field, packet).run();
-  return BrickPacket<4>(field, packet).run();
+void cast_bricks_avx512(const FieldView& field, const GridWalk& walk, const RayColumns& rays, const std::size_t* blocks,
+                        std::size_t count, RaySums* sums) {
+  const auto cast = field.table->size <= 32 ? cast_batch<1> : field.table->size <= 64 ? cast_batch<2> : cast_batch<4>;
+  for (std::size_t first = 0; first < count; first += kMaxBlocks) {
+    cast(field, walk, rays, blocks + first, count - first < kMaxBlocks ? count - first : kMaxBlocks, sums + first);
+  }
 }
 
 }  // namespace vantage

@@ -1,4 +1,4 @@
-// One ray at a time through a field of bricks: a cube of like uniform bricks in one step, the others voxel by voxel.
+// One ray at a time through a field of bricks: a cube of like cells in one step, the others voxel by voxel.
 
 #include <array>
 #include <cstdint>
@@ -21,7 +21,7 @@ RaySums cast_bricks_scalar(const FieldView& field, const GridWalk& walk, const R
   RayPacket<kRaysPerBlock> packet;
   prepare_packet(walk, rays, block * kRaysPerBlock, &packet);
   const VisitTable& table = *field.table;
-  const std::array<std::int32_t, 3> strides = field.brick_strides;
+  const std::array<std::int32_t, 2> strides = field.brick_strides;
   RaySums sums;
   /// Enters a voxel; false when the ray ends there.
   const auto visit = [&](Sight* w, unsigned code, const std::uint8_t* proximity) {
@@ -56,23 +56,27 @@ RaySums cast_bricks_scalar(const FieldView& field, const GridWalk& walk, const R
     Sight sight;
     bool alive = true;
     while (alive) {
-      const std::array<std::int32_t, 3> brick = {w.voxel[0] >> 3, w.voxel[1] >> 3, w.voxel[2] >> 3};
-      const std::uint32_t word = field.brick_words[field.first_brick_offset + brick[0] * strides[0] +
-                                                   brick[1] * strides[1] + brick[2] * strides[2]];
-      if ((word & FieldView::kUniformBrick) == 0) {
-        const std::size_t first = std::size_t{512} * (word & FieldView::kBrickNumber);
+      const auto x = static_cast<unsigned>(w.voxel[0]), y = static_cast<unsigned>(w.voxel[1]),
+                 z = static_cast<unsigned>(w.voxel[2]);
+      const std::int32_t brick =
+          field.first_brick + (w.voxel[0] >> 3) + (w.voxel[1] >> 3) * strides[0] + (w.voxel[2] >> 3) * strides[1];
+      const std::uint32_t word = field.cell_words[8 * brick + static_cast<std::int32_t>(cell_in_brick(x, y, z))];
+      if ((word & FieldView::kUniformCell) == 0) {
+        const std::size_t first = std::size_t{64} * (word & FieldView::kCellNumber);
         const bool has_proximity = (word & FieldView::kHasProximity) != 0;
         bool inside = true;
         while (inside) {
           const std::size_t at =
-              first + offset_in_brick(static_cast<unsigned>(w.voxel[0] & 7), static_cast<unsigned>(w.voxel[1] & 7),
-                                      static_cast<unsigned>(w.voxel[2] & 7));
-          alive = visit(&sight, field.brick_codes[at], has_proximity ? &field.brick_proximity[at] : nullptr);
+              first + offset_in_cell(static_cast<unsigned>(w.voxel[0]), static_cast<unsigned>(w.voxel[1]),
+                                     static_cast<unsigned>(w.voxel[2]));
+          alive = visit(&sight, field.cell_codes[at] & ~table.octet_bit(),
+                        has_proximity ? &field.cell_proximity[at] : nullptr);
           if (!alive) break;
           const std::size_t axis = w.next_axis();
           w.time[axis] += w.period[axis];
+          const std::int32_t before = w.voxel[axis];
           w.voxel[axis] += w.direction[axis];
-          inside = w.voxel[axis] >> 3 == brick[axis];
+          inside = w.voxel[axis] >> 2 == before >> 2;
         }
         continue;
       }
@@ -83,8 +87,8 @@ RaySums cast_bricks_scalar(const FieldView& field, const GridWalk& walk, const R
       }
       // q^k and 1 + q + ... + q^(k-1) by k visits.
       const VisitEntry& numbers = table.entry[word & kEntryMask];
-      const std::int32_t visits =
-          leave_brick(&w, kWalkedBrickEdge << ((word & FieldView::kCubeMask) >> FieldView::kCubeShift));
+      const auto span = static_cast<std::int32_t>((word & FieldView::kSpanMask) >> FieldView::kSpanShift);
+      const std::int32_t visits = leave_cube(&w, span + 1);
       const double q = static_cast<double>(numbers.pass), entropy = static_cast<double>(numbers.entropy);
       double power = 1, series = 0;
       for (std::int32_t k = 0; k < visits; ++k) {

@@ -27,6 +27,12 @@ bool available(CastKernel kernel) {
   }
 }
 
+template <CastBlock kCast>
+void one_by_one(const FieldView& field, const GridWalk& walk, const RayColumns& rays, const std::size_t* blocks,
+                std::size_t count, RaySums* sums) {
+  for (std::size_t i = 0; i < count; ++i) sums[i] = kCast(field, walk, rays, blocks[i]);
+}
+
 }  // namespace
 
 std::string_view name_of(CastKernel kernel) { return kNames[static_cast<std::size_t>(kernel)]; }
@@ -50,14 +56,14 @@ std::vector<CastKernel> available_kernels() {
 
 CastKernel best_kernel() { return available_kernels().back(); }
 
-CastBlock cast_block_function(CastKernel kernel, GainField::Layout layout) {
+CastBlocks cast_function(CastKernel kernel, GainField::Layout layout) {
   const bool flat = layout == GainField::Layout::kFlat;
 #if defined(__x86_64__)
-  if (kernel == CastKernel::kAvx512) return flat ? cast_flat_avx512 : cast_bricks_avx512;
-  if (kernel == CastKernel::kAvx2 && flat) return cast_flat_avx2;
+  if (kernel == CastKernel::kAvx512) return flat ? one_by_one<cast_flat_avx512> : cast_bricks_avx512;
+  if (kernel == CastKernel::kAvx2 && flat) return one_by_one<cast_flat_avx2>;
 #endif
-  if (kernel == CastKernel::kScalar || !flat) return flat ? cast_flat_scalar : cast_bricks_scalar;
-  return cast_flat_portable;
+  if (!flat) return one_by_one<cast_bricks_scalar>;
+  return kernel == CastKernel::kScalar ? one_by_one<cast_flat_scalar> : one_by_one<cast_flat_portable>;
 }
 
 }  // namespace vantage

@@ -26,6 +26,6 @@ std::vector<CastKernel> available_kernels();
 CastKernel best_kernel();
 
 /// The function of a kernel for a field of that layout. The kernel must be available.
-CastBlock cast_block_function(CastKernel kernel, GainField::Layout layout);
+CastBlocks cast_function(CastKernel kernel, GainField::Layout layout);
 
 }  // namespace vantage

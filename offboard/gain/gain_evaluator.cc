@@ -1,6 +1,7 @@
 #include "offboard/gain/gain_evaluator.h"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 
 #include "lcmtypes/link/depth_map.h"
@@ -10,7 +11,7 @@
 namespace vantage {
 namespace {
 
-constexpr std::size_t kBlocksPerTask = 32;
+constexpr std::size_t kBlocksPerTask = 64;
 
 const GainOptions& checked(const GainOptions& options) {
   std::string why;
@@ -51,16 +52,20 @@ void GainEvaluator::cast(const OccupancyMap& map, const GainField& field,
                          std::span<RaySums> sums) const {
   const FieldView field_view = field.view();
   const RayColumns rays = columns();
-  const CastBlock cast_block = cast_block_function(kernel_, field.layout());
+  const CastBlocks cast_blocks = cast_function(kernel_, field.layout());
   const std::size_t blocks = block_count(), tasks = (blocks + kBlocksPerTask - 1) / kBlocksPerTask;
   run_tasks(tasks * T_world_cameras.size(), options_.threads, [&](std::size_t task) {
     const std::size_t view = task / tasks, first = task % tasks * kBlocksPerTask;
     if (!is_rigid(T_world_cameras[view])) return;
     const GridWalk walk = walk_of(map, T_world_cameras[view]);
+    std::array<std::size_t, kBlocksPerTask> wanted;
+    std::array<RaySums, kBlocksPerTask> cast;
+    std::size_t count = 0;
     for (std::size_t block = first; block < std::min(first + kBlocksPerTask, blocks); ++block) {
-      const std::size_t i = view * blocks + block;
-      if (stale.empty() || stale[i] != 0) sums[i] = cast_block(field_view, walk, rays, block);
+      if (stale.empty() || stale[view * blocks + block] != 0) wanted[count++] = block;
     }
+    cast_blocks(field_view, walk, rays, wanted.data(), count, cast.data());
+    for (std::size_t i = 0; i < count; ++i) sums[view * blocks + wanted[i]] = cast[i];
   });
 }
 

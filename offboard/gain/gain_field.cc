@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "offboard/gain/parallel_tasks.h"
 
@@ -45,6 +46,9 @@ void fill(VisitTable* table, int entry, double pass, double entropy, VisitClass 
   table->entry[i + kMaxEntries] = numbers;
   table->pass[i] = numbers.pass;
   table->entropy[i] = numbers.entropy;
+  const double log2_pass = std::clamp(std::log2(static_cast<double>(numbers.pass)), -126.0, -0x1p-30);
+  table->log2_pass[i] = static_cast<float>(log2_pass);
+  table->series_scale[i] = static_cast<float>(1 / std::expm1(log2_pass * std::numbers::ln2));
 }
 
 /// Which voxels of a brick, and of the layer around it, are free.
@@ -229,8 +233,11 @@ void GainField::update(const OccupancyMap& map, std::vector<std::size_t>* change
   if (layout_ == Layout::kFlat) return;
   bricks_.join_cubes();
   for (std::size_t brick = 0; brick < stale.size() && changed != nullptr; ++brick) {
-    const std::size_t i = bricks_.index(map.brick_position(brick));
-    if (words_before[i] != bricks_.words()[i]) changed->push_back(brick);
+    const auto first = static_cast<std::ptrdiff_t>(bricks_.index(map.brick_position(brick)));
+    if (!std::equal(words_before.begin() + first, words_before.begin() + first + BrickCodes::kCellsPerBrick,
+                    bricks_.words().begin() + first)) {
+      changed->push_back(brick);
+    }
   }
 }
 

@@ -49,7 +49,7 @@ void IncrementalGain::trace_rays() {
                w.voxel[1] < size.y() && w.voxel[2] < size.z()) {
           const std::size_t cell = cell_of({w.voxel[0] >> 3, w.voxel[1] >> 3, w.voxel[2] >> 3});
           cells[cell / 64] |= std::uint64_t{1} << (cell % 64);
-          leave_brick(&w);
+          leave_cube(&w, OccupancyMap::kBrickEdge);
         }
       }
     }
