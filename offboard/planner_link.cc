@@ -45,6 +45,8 @@ PlannerLink::PlannerLink(MessageBus& bus, const Clock& clock, Session& session, 
   subscribe_message<status_t>(bus_, channel::kStatus, &statuses_, [this](const status_t& status) {
     session_.log(channel::kStatus, encode_message(status));  // the robot's and our own
   });
+  subscribe_message<key_pose_t>(bus_, channel::kKeyPose, &key_poses_,
+                                [this](const key_pose_t& pose) { moved_maps_ += session_.correct(pose) ? 1 : 0; });
   subscribe_message<preview_t>(bus_, channel::kPreview, &previews_, [this](const preview_t& preview) {
     if (preview.session == presence_.peer_boot_id()) session_.log(channel::kPreview, encode_message(preview));
   });
@@ -157,17 +159,12 @@ bool PlannerLink::robot_has_gone(PlannerEnd* end) {
 
 Status::Counters PlannerLink::counters() const {
   const DepthMapReceiver::Counters& r = receiver_.counters();
-  Status::Counters all = {{"depth_maps.delivered", r.delivered},
-                          {"depth_maps.refused", refused_maps_},
-                          {"depth_maps.set_aside", r.set_aside},
-                          {"depth_maps.given_up", r.given_up},
-                          {"depth_maps.wrong_digests", r.wrong_digests},
-                          {"manifests.refused", r.refused_manifests},
-                          {"chunks.duplicate", r.duplicate_chunks},
-                          {"chunks.foreign", r.foreign_chunks},
-                          {"goals.sent", goals_sent_},
-                          {"session.steps", session_.steps()},
-                          {"robot.restarts", presence_.peer_restarts()}};
+  Status::Counters all = {{"depth_maps.delivered", r.delivered},      {"depth_maps.refused", refused_maps_},
+                          {"depth_maps.moved", moved_maps_},          {"depth_maps.set_aside", r.set_aside},
+                          {"depth_maps.given_up", r.given_up},        {"depth_maps.wrong_digests", r.wrong_digests},
+                          {"manifests.refused", r.refused_manifests}, {"chunks.duplicate", r.duplicate_chunks},
+                          {"chunks.foreign", r.foreign_chunks},       {"goals.sent", goals_sent_},
+                          {"session.steps", session_.steps()},        {"robot.restarts", presence_.peer_restarts()}};
   if (const std::optional<ClockOffset> offset = presence_.clock_offset()) {
     all.emplace_back("robot.clock_offset_us", offset->offset_us);
     all.emplace_back("robot.clock_uncertainty_us", offset->uncertainty_us);
@@ -175,6 +172,7 @@ Status::Counters PlannerLink::counters() const {
   add_decode_counters("door.depth_maps", receiver_.decode_counters(), &all);
   add_decode_counters("door.states", states_, &all);
   add_decode_counters("door.statuses", statuses_, &all);
+  add_decode_counters("door.key_poses", key_poses_, &all);
   add_decode_counters("door.previews", previews_, &all);
   add_decode_counters("door.heartbeats", presence_.decode_counters(), &all);
   if (options_.more_counters) {

@@ -77,14 +77,14 @@ class PlannerLink {
   CommandSender commands_;
   DepthMapReceiver receiver_;
   Status status_;
-  DecodeCounters states_, statuses_, previews_;
+  DecodeCounters states_, statuses_, previews_, key_poses_;
   RareLog refusals_, waiting_words_;
   motion_goal_t goal_;  // the session's current one
   bool goal_set_ = false;
   bool goal_taken_up_ = false;
   std::int64_t known_robot_ = 0;
   std::chrono::nanoseconds start_, goal_since_{0}, goal_sent_{0};
-  std::uint64_t refused_maps_ = 0, goals_sent_ = 0;
+  std::uint64_t refused_maps_ = 0, moved_maps_ = 0, goals_sent_ = 0;
 };
 
 }  // namespace vantage

@@ -42,11 +42,20 @@ void check_event(const std::filesystem::path& log, const LogEvent& event, LogCon
   } else if (event.channel == channel::kSessionConfig) {
     const auto message = decode_event<session_config_t>(log, event);
     contents->config = parse_session_config(message.yaml, log.string() + " (its configuration)", log.parent_path());
+  } else if (event.channel == channel::kKeyPose) {
+    decode_event<key_pose_t>(log, event);
   } else if (event.channel == channel::kDepthManifest) {
     decode_event<depth_map_manifest_t>(log, event);
   } else if (event.channel == channel::kDepthChunk) {
     decode_event<depth_map_chunk_t>(log, event);
   }
+}
+
+/// What a recording of a sealed network holds of the messages that are heard here.
+std::span<const std::uint8_t> unsealed(const LogEvent& event) {
+  if (event.channel == channel::kDepthManifest) return without_seal(kWireLayout<depth_map_manifest_t>, event.bytes);
+  if (event.channel == channel::kKeyPose) return without_seal(kWireLayout<key_pose_t>, event.bytes);
+  return event.bytes;
 }
 
 }  // namespace
@@ -69,6 +78,9 @@ void replay_log(const std::filesystem::path& log, double speed, const std::atomi
     std::string why;
     if (!session.finished() && !session.take(map, &why)) fail(log, event, why);
   });
+  DecodeCounters key_poses;
+  subscribe_message<key_pose_t>(bus, channel::kKeyPose, &key_poses,
+                                [&](const key_pose_t& pose) { session.correct(pose); });
   LogReader reader(log);
   const std::chrono::nanoseconds start = clock.monotonic();
   std::optional<std::int64_t> first_utime;
@@ -78,9 +90,7 @@ void replay_log(const std::filesystem::path& log, double speed, const std::atomi
       const std::chrono::duration<double> due{static_cast<double>(event.utime - *first_utime) * 1e-6 / speed};
       while (!stop && clock.monotonic() - start < due) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
-    bus.publish(event.channel, event.channel == channel::kDepthManifest
-                                   ? without_seal(kWireLayout<depth_map_manifest_t>, event.bytes)
-                                   : event.bytes);
+    bus.publish(event.channel, unsealed(event));
     while (bus.handle(std::chrono::milliseconds(0))) {
     }
   }

@@ -55,6 +55,7 @@ bool MonocularDepthOptions::valid(std::string* why) const {
   if (!(turns > 0) || frames < 2) return fail("turns must be positive, frames at least 2");
   if (!(distance_m > 0)) return fail("distance_m must be positive");
   if (!(sure_share > 0 && sure_share < 1)) return fail("sure_share must lie between 0 and 1");
+  if (!(moved_m >= 0 && moved_rad >= 0)) return fail("moved_m and moved_rad must not be negative");
   if (!(unit_share > 0)) return fail("unit_share must be positive");
   if (threads < 0) return fail("threads must not be negative");
   return true;
@@ -92,6 +93,7 @@ tracking::TrackingResult MonocularDepth::track(const Frame& frame) {
   std::optional<tracking::PosePrior> prior;
   if (frame.T_world_camera) prior = {*frame.T_world_camera, rig_.kinematics_sigma_m, rig_.kinematics_sigma_rad};
   const tracking::TrackingResult result = tracker_.process(frame, prior);
+  last_ = result;
   state_ = result.state;
   ++counts_.frames;
   counts_.without_pose += result.has_pose ? 0 : 1;
@@ -99,10 +101,14 @@ tracking::TrackingResult MonocularDepth::track(const Frame& frame) {
   return result;
 }
 
+bool MonocularDepth::trusts(const tracking::TrackingResult& result) const {
+  return result.has_pose && result.unit_sigma < options_.unit_share;
+}
+
 void MonocularDepth::begin(const Frame& key) {
   key_ = key;
   key_result_ = track(key);
-  key_tracked_ = key_result_.has_pose && key_result_.unit_sigma < options_.unit_share;
+  key_tracked_ = trusts(key_result_);
   T_world_key_ = key_tracked_ ? key_result_.T_world_camera : key.T_world_camera.value_or(Eigen::Isometry3d::Identity());
   key_use_ = filter_.start(
       {key.capture_time_ns, key.image, T_world_key_, key_tracked_ ? key_result_.covariance : kinematics_covariance()});
@@ -147,8 +153,27 @@ bool MonocularDepth::finish(DepthMap* map, std::string* why) {
   map->T_world_camera = key_tracked_ ? tracker_.pose_of(key_result_).value_or(T_world_key_) : mean_of(key_votes_);
   ++counts_.views;
   counts_.views_by_kinematics += key_tracked_ ? 0 : 1;
+  if (key_result_.has_pose) views_.push_back({map->utime, key_result_, map->T_world_camera});
   key_ = {};
   return true;
+}
+
+std::vector<KeyPose> MonocularDepth::corrections() {
+  std::vector<KeyPose> corrected;
+  if (!trusts(last_)) return corrected;
+  const int piece = tracker_.piece_of(last_);
+  for (View& view : views_) {
+    const std::optional<Eigen::Isometry3d> now = tracker_.pose_of(view.key);
+    if (!now || tracker_.piece_of(view.key) != piece) continue;
+    const Eigen::Isometry3d change = view.T_world_camera.inverse() * *now;
+    if (change.translation().norm() < options_.moved_m &&
+        Eigen::AngleAxisd(change.linear()).angle() < options_.moved_rad) {
+      continue;
+    }
+    view.T_world_camera = *now;
+    corrected.push_back({view.utime, *now});
+  }
+  return corrected;
 }
 
 }  // namespace vantage

@@ -23,8 +23,9 @@ struct MonocularDepthOptions {
   double distance_m = 0.7;  ///< of the scene, until the tracker knows better
   double unit_share =
       0.005;  ///< the tracker's unit of length must be known to this share of itself for its poses to count
-  double sure_share = 0.010;  ///< a pixel's depth goes out when its sigma is below this share of it
-  int threads = 0;            ///< of the depth filter; 0: one a core
+  double moved_m = 0.001, moved_rad = 0.002;  ///< a key frame's correction by less is not told
+  double sure_share = 0.010;                  ///< a pixel's depth goes out when its sigma is below this share of it
+  int threads = 0;                            ///< of the depth filter; 0: one a core
 
   bool valid(std::string* why = nullptr) const;
 };
@@ -55,13 +56,23 @@ class MonocularDepth final : public ViewDepth {
   std::optional<Eigen::Isometry3d> next_pose() override;
   void add(const Frame& frame) override;
   bool finish(DepthMap* map, std::string* why) override;
+  /// As soon as the tracker's unit of length is known, of views that were measured by kinematics, too.
+  std::vector<KeyPose> corrections() override;
 
   const MonocularCounts& counts() const { return counts_; }
   /// Of the last frame.
   tracking::TrackingState tracking_state() const { return state_; }
 
  private:
+  /// A view that is finished, and where it was said to stand.
+  struct View {
+    std::int64_t utime = 0;
+    tracking::TrackingResult key;
+    Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+  };
+
   tracking::TrackingResult track(const Frame& frame);
+  bool trusts(const tracking::TrackingResult& result) const;
   Eigen::Matrix<double, 6, 6> kinematics_covariance() const;
 
   Rig rig_;
@@ -72,6 +83,8 @@ class MonocularDepth final : public ViewDepth {
   HuberTvSmoother smoother_;
   MonocularCounts counts_;
   std::atomic<tracking::TrackingState> state_{tracking::TrackingState::kStarting};
+  tracking::TrackingResult last_;
+  std::vector<View> views_;
 
   // Of the view that is being measured.
   Frame key_;

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include <spdlog/spdlog.h>
+#include <vantage/key_pose_t.hpp>
 
 #include "calib/files/input_error.h"
 #include "lcmtypes/link/depth_codec.h"
@@ -16,6 +17,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kStatePeriod{100};
 constexpr std::chrono::milliseconds kReceivePatience{1};
+constexpr std::chrono::milliseconds kKeyPosePeriod{250};
 
 }  // namespace
 
@@ -43,6 +45,7 @@ bool RobotLink::step(RobotEnd* end) {
   presence_.step();
   send_finished_map();
   sender_.step();
+  send_key_poses();
   send_preview();
   status_.step();
   if (clock_.monotonic() - last_state_ >= kStatePeriod) send_state();
@@ -151,6 +154,7 @@ void RobotLink::send_state() {
 void RobotLink::send_finished_map() {
   std::optional<DepthMap> map = executive_.fetch_depth_map();
   if (!map) return;
+  map_at_[map->utime] = maps_ + 1;
   // The camera stamps by the monotonic clock; the network's times count from 1970.
   map->utime += clock_.utime() - std::chrono::duration_cast<std::chrono::microseconds>(clock_.monotonic()).count();
   map->session = static_cast<std::uint64_t>(presence_.boot_id());
@@ -159,6 +163,30 @@ void RobotLink::send_finished_map() {
     spdlog::warn("the spool is full: {} depth maps have been given up so far, the oldest first",
                  sender_.spool().given_up());
   }
+}
+
+/// Those that were moved just now, and in turn all that ever were: who missed one, or has just come, hears it then.
+void RobotLink::send_key_poses() {
+  for (const KeyPose& pose : executive_.fetch_corrections()) {
+    const auto map = map_at_.find(pose.utime);
+    if (map == map_at_.end()) continue;
+    key_poses_[map->second] = pose.T_world_camera;
+    send_key_pose(map->second);
+  }
+  if (key_poses_.empty() || clock_.monotonic() - key_pose_sent_ < kKeyPosePeriod) return;
+  const auto next = key_poses_.upper_bound(last_key_pose_);
+  send_key_pose(next == key_poses_.end() ? key_poses_.begin()->first : next->first);
+}
+
+void RobotLink::send_key_pose(std::int64_t map_id) {
+  key_pose_t message;
+  message.utime = clock_.utime();
+  message.session = presence_.boot_id();
+  message.map_id = map_id;
+  set_pose(key_poses_.at(map_id), &message);
+  publish_message(bus_, channel::kKeyPose, message);
+  last_key_pose_ = map_id;
+  key_pose_sent_ = clock_.monotonic();
 }
 
 /// The latest frame, when no depth map waits.
@@ -231,6 +259,7 @@ Status::Counters RobotLink::counters() const {
                           {"depth_maps.given_up", sender_.spool().given_up()},
                           {"depth_maps.taken_over", sender_.spool().taken_over()},
                           {"depth_maps.unreadable", sender_.spool().unreadable()},
+                          {"depth_maps.moved", static_cast<std::int64_t>(key_poses_.size())},
                           {"chunks.sent", sender_.chunks_sent()},
                           {"chunks.sent_again", sender_.chunks_sent_again()},
                           {"previews.sent", previews_sent_},

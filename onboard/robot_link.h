@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -69,6 +70,8 @@ class RobotLink {
   void halt(Halt halt);
   void send_state();
   void send_finished_map();
+  void send_key_poses();
+  void send_key_pose(std::int64_t map_id);
   void send_preview();
   void tell_of_planner();
   bool planner_has_gone(RobotEnd* end);
@@ -88,6 +91,10 @@ class RobotLink {
   std::optional<preview_t> preview_;  // waits until the line is free
   std::int64_t known_planner_ = 0;
   std::int64_t maps_ = 0;
+  std::map<std::int64_t, std::int64_t> map_at_;          // capture time to id, of every map made
+  std::map<std::int64_t, Eigen::Isometry3d> key_poses_;  // of maps whose key frame has been moved, by id
+  std::int64_t last_key_pose_ = 0;                       // the map that was told of last
+  std::chrono::nanoseconds key_pose_sent_{0};
   std::uint64_t refused_goals_ = 0, previews_sent_ = 0;
   bool holding_ = false;
   std::chrono::nanoseconds last_state_{0};

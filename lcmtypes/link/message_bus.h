@@ -26,6 +26,7 @@ inline constexpr const char* kMotionGoal = "VANTAGE_MOTION_GOAL_1";        ///< 
 inline constexpr const char* kRobotState = "VANTAGE_ROBOT_STATE_1";        ///< robot_state_t, sealed
 inline constexpr const char* kHeartbeat = "VANTAGE_HEARTBEAT_2";           ///< heartbeat_t, sealed
 inline constexpr const char* kStatus = "VANTAGE_STATUS_1";                 ///< status_t, sealed
+inline constexpr const char* kKeyPose = "VANTAGE_KEY_POSE_1";              ///< key_pose_t, sealed
 inline constexpr const char* kPreview = "VANTAGE_PREVIEW_1";               ///< preview_t
 inline constexpr const char* kSessionConfig = "VANTAGE_SESSION_CONFIG_1";  ///< session_config_t, in logs
 }  // namespace channel

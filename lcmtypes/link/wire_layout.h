@@ -10,6 +10,7 @@
 #include <vantage/depth_map_receipt_t.hpp>
 #include <vantage/depth_map_t.hpp>
 #include <vantage/heartbeat_t.hpp>
+#include <vantage/key_pose_t.hpp>
 #include <vantage/motion_goal_t.hpp>
 #include <vantage/preview_t.hpp>
 #include <vantage/robot_state_t.hpp>
@@ -40,6 +41,8 @@ template <>
 inline constexpr std::string_view kWireLayout<depth_map_receipt_t> = "4q b 32b n I0 I0";
 template <>
 inline constexpr std::string_view kWireLayout<motion_goal_t> = "4q 3d 4d";
+template <>
+inline constexpr std::string_view kWireLayout<key_pose_t> = "3q 3d 4d";
 template <>
 inline constexpr std::string_view kWireLayout<robot_state_t> = "4q b 3d 4d";
 template <>

@@ -82,6 +82,7 @@ std::span<const ChannelSchema> known_channels() {
                            "utime boot_id link_version role phase heard_boot_id heard_sent heard_at command_counter "
                            "version message"),
       current<status_t>(channel::kStatus, "utime boot_id role uptime counters name[counters] value[counters]"),
+      current<key_pose_t>(channel::kKeyPose, "utime session map_id position[3] quaternion_xyzw[4]"),
       current<preview_t>(channel::kPreview, "utime session width height size jpeg[size]"),
       current<session_config_t>(channel::kSessionConfig, "utime yaml"),
       // 0.1.0

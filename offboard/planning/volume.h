@@ -17,6 +17,12 @@ class Volume {
     return integrate_depth_map(depth_map, &map_, &tsdf_, &scratch_);
   }
 
+  /// Forgets all of them.
+  void clear() {
+    map_.clear();
+    tsdf_.clear();
+  }
+
   const OccupancyMap& map() const { return map_; }
   const Tsdf& tsdf() const { return tsdf_; }
 

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <ostream>
 #include <thread>
+#include <utility>
 
 #include <fmt/format.h>
 #include <vantage/session_config_t.hpp>
@@ -14,6 +15,7 @@
 #include "calib/files/ply.h"
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/message_bus.h"
+#include "lcmtypes/link/pose_fields.h"
 #include "offboard/gain/view_gain.h"
 #include "offboard/mapping/octomap_io.h"
 #include "offboard/session/view_page.h"
@@ -139,6 +141,7 @@ void Session::read_log() {
     LogReader reader(folder_.log(), {.accept_torn_end = true});
     for (LogEvent event; reader.next(&event); ++events) {
       if (motion_goal_t goal; event.channel == channel::kMotionGoal && decoded(event, &goal)) goal_before_ = goal;
+      if (key_pose_t pose; event.channel == channel::kKeyPose && decoded(event, &pose)) move(pose);
       depth_map_t map;
       if (event.channel != channel::kDepthMap || !decoded(event, &map)) continue;
       std::string why;
@@ -178,6 +181,7 @@ void Session::log(std::string_view channel, std::span<const std::uint8_t> bytes)
 std::optional<PlannerStep> Session::use(const depth_map_t& message, std::string* why) {
   const std::optional<DepthMap> depth_map = unpack_depth_map(message, why);
   if (!depth_map) return std::nullopt;
+  make_anew_when_moved();
   PlannerStep step;
   if (planner_) {
     std::optional<PlannerStep> taken = planner_->take(*depth_map, why);
@@ -193,11 +197,51 @@ std::optional<PlannerStep> Session::use(const depth_map_t& message, std::string*
     step.reason = "integrated";
   }
   steps_ = step.step;
-  cameras_.push_back(depth_map->T_world_camera);
-  const std::vector<Eigen::Vector3f> added = cloud_.add(*depth_map);
-  if (coverage_) coverage_->add(added);
+  depth_maps_.push_back(message);
+  show(*depth_map);
   if (finished()) finish_reason_ = step.reason;
   return step;
+}
+
+void Session::show(const DepthMap& depth_map) {
+  cameras_.push_back(depth_map.T_world_camera);
+  const std::vector<Eigen::Vector3f> added = cloud_.add(depth_map);
+  if (coverage_) coverage_->add(added);
+}
+
+bool Session::correct(const key_pose_t& message) {
+  if (!move(message)) return false;
+  log(channel::kKeyPose, encode_message(message));
+  return true;
+}
+
+bool Session::move(const key_pose_t& message) {
+  const auto found = std::find_if(depth_maps_.begin(), depth_maps_.end(), [&](const depth_map_t& map) {
+    return map.session == message.session && map.map_id == message.map_id;
+  });
+  if (finished() || found == depth_maps_.end() || !pose_of(message)) return false;
+  if (std::equal(message.position, message.position + 3, found->position) &&
+      std::equal(message.quaternion_xyzw, message.quaternion_xyzw + 4, found->quaternion_xyzw)) {
+    return false;
+  }
+  std::copy(message.position, message.position + 3, found->position);
+  std::copy(message.quaternion_xyzw, message.quaternion_xyzw + 4, found->quaternion_xyzw);
+  return moved_ = true;
+}
+
+/// Clamping forgets, so that a depth map can't be taken out of the map: all go in again.
+void Session::make_anew_when_moved() {
+  if (!std::exchange(moved_, false)) return;
+  volume_.clear();
+  cloud_.clear();
+  if (coverage_) coverage_->clear();
+  cameras_.clear();
+  for (const depth_map_t& message : depth_maps_) {
+    std::string why;
+    const std::optional<DepthMap> depth_map = unpack_depth_map(message, &why);
+    volume_.integrate(*depth_map);  // it was taken before
+    show(*depth_map);
+  }
 }
 
 bool Session::take(const depth_map_t& message, std::string* why) {
@@ -253,6 +297,7 @@ void Session::report(const PlannerStep& step, double seconds) {
 }
 
 void Session::write_results() {
+  make_anew_when_moved();
   write_map(folder_.map(), map());
   write_ply(folder_.mesh(), extract_mesh(volume_.tsdf()));
   const PlyModel cloud{cloud_.points(), cloud_.normals(), {}};

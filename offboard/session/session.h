@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <vantage/depth_map_t.hpp>
+#include <vantage/key_pose_t.hpp>
 #include <vantage/motion_goal_t.hpp>
 
 #include "lcmtypes/link/clock.h"
@@ -50,6 +51,11 @@ class Session {
   /// Integrates a depth map, decides, logs. False, with the reason in `why` and nothing changed, when it is refused.
   bool take(const depth_map_t& message, std::string* why);
 
+  /// An earlier depth map's key frame stands elsewhere: before the next decision the map is made anew with it there.
+  /// False, and nothing changes, when the session is over, the depth map is not known, the message has no pose, or says
+  /// what is known already.
+  bool correct(const key_pose_t& message);
+
   /// A depth map of the log that a resumed session began with.
   struct TakenMap {
     std::int64_t session = 0, map_id = 0;
@@ -62,7 +68,7 @@ class Session {
   /// Adds an accepted message to the log.
   void log(std::string_view channel, std::span<const std::uint8_t> bytes);
 
-  /// Writes map.ot, mesh.ply, cloud.ply and view.html.
+  /// Writes map.ot, mesh.ply, cloud.ply and view.html. \post no correction waits
   void write_results();
 
   /// "coverage 0.913 after 12 views" where the truth is known, else what the map holds.
@@ -76,6 +82,9 @@ class Session {
   void read_log();
   void open_tables(std::ios::openmode timing_mode);
   std::optional<PlannerStep> use(const depth_map_t& message, std::string* why);
+  bool move(const key_pose_t& message);
+  void make_anew_when_moved();
+  void show(const DepthMap& depth_map);
   void write_step(const PlannerStep& step);
   void report(const PlannerStep& step, double seconds);
 
@@ -93,6 +102,8 @@ class Session {
   std::int64_t steps_ = 0;
   double path_m_ = 0;
   std::vector<Eigen::Isometry3d> cameras_;  // of the depth maps taken
+  std::vector<depth_map_t> depth_maps_;     // taken, packed, each where its key frame stands by now
+  bool moved_ = false;                      // one of them, since the map was made
   std::string finish_reason_;
   std::vector<TakenMap> taken_before_;
   std::optional<motion_goal_t> goal_before_;

@@ -44,6 +44,12 @@ Eigen::Vector3d normal_at(const DepthMap& map, int u, int v) {
 SurfaceCloud::SurfaceCloud(const Region& region, const SurfaceCloudOptions& options)
     : region_(region), options_(options) {}
 
+void SurfaceCloud::clear() {
+  cells_.clear();
+  points_.clear();
+  normals_.clear();
+}
+
 std::vector<Eigen::Vector3f> SurfaceCloud::add(const DepthMap& map) {
   std::vector<Eigen::Vector3f> added;
   const CameraModel& camera = map.camera;

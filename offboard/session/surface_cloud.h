@@ -25,6 +25,8 @@ class SurfaceCloud {
   /// The points that this depth map adds, world, m. \pre depth_map.valid()
   std::vector<Eigen::Vector3f> add(const DepthMap& depth_map);
 
+  void clear();
+
   const std::vector<Eigen::Vector3f>& points() const { return points_; }
   /// Unit normals of the points, on the side that was seen. From the depth map's neighbouring pixels; where those are
   /// missing, towards the camera.

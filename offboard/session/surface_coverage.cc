@@ -6,6 +6,12 @@ namespace vantage {
 
 SurfaceCoverage::SurfaceCoverage(std::vector<Eigen::Vector3f> surface, double distance_m)
     : surface_(std::move(surface)), distance_m_(static_cast<float>(distance_m)) {
+  clear();
+}
+
+void SurfaceCoverage::clear() {
+  open_.clear();
+  covered_ = 0;
   for (std::size_t i = 0; i < surface_.size(); ++i) {
     open_[cell_at(index_of(surface_[i]))].push_back(static_cast<std::uint32_t>(i));
   }

@@ -17,6 +17,8 @@ class SurfaceCoverage {
 
   /// More reconstructed points, world, m.
   void add(const std::vector<Eigen::Vector3f>& points);
+  /// Forgets them.
+  void clear();
 
   double share() const;
 

@@ -82,6 +82,11 @@ std::optional<Frame> Executive::fetch_frame() {
   return std::exchange(frame_, std::nullopt);
 }
 
+std::vector<KeyPose> Executive::fetch_corrections() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(corrections_, {});
+}
+
 bool Executive::ended(std::string* reason) const {
   const std::lock_guard lock(mutex_);
   *reason = end_reason_;
@@ -114,8 +119,9 @@ void Executive::run() {
         continue;
       }
     }
-    if (!follow(goal)) continue;
-    if (!goal.expose || measure(goal)) arrive();
+    const bool there = follow(goal);
+    note_corrections();
+    if (there && (!goal.expose || measure(goal))) arrive();
   }
 }
 
@@ -167,6 +173,12 @@ bool Executive::expose(Frame* frame) {
   if (status == FrameStatus::kFrame) return true;
   end(status == FrameStatus::kEnded ? camera_.end_reason() : "the camera gives no frames");
   return false;
+}
+
+void Executive::note_corrections() {
+  const std::vector<KeyPose> corrected = depth_.corrections();
+  const std::lock_guard lock(mutex_);
+  corrections_.insert(corrections_.end(), corrected.begin(), corrected.end());
 }
 
 /// True when the view's depth map is there; false when another goal, a hold or the end came first.

@@ -58,6 +58,8 @@ class Executive {
   std::optional<DepthMap> fetch_depth_map();
   /// The key frame of the latest depth map, each once: for those who want to see it.
   std::optional<Frame> fetch_frame();
+  /// Corrected poses of earlier depth maps, each once.
+  std::vector<KeyPose> fetch_corrections();
   /// True, with the reason, when the camera or its carrier has gone: no goal will be reached any more.
   bool ended(std::string* reason) const;
 
@@ -69,6 +71,7 @@ class Executive {
   void arrive();
   bool expose(Frame* frame);
   bool measure(const ViewGoal& goal);
+  void note_corrections();
   bool superseded() const;
   void end(const std::string& reason);
 
@@ -82,6 +85,7 @@ class Executive {
   std::optional<ViewGoal> next_goal_;
   std::optional<DepthMap> finished_;
   std::optional<Frame> frame_;
+  std::vector<KeyPose> corrections_;
   RobotSnapshot snapshot_;
   std::string end_reason_;
   bool hold_ = false, stop_ = false;

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -9,6 +11,12 @@
 #include "lcmtypes/link/depth_map.h"
 
 namespace vantage {
+
+/// Where the key frame of a depth map stands by what is known now.
+struct KeyPose {
+  std::int64_t utime = 0;  ///< the map's
+  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+};
 
 /// How the depth of what a view shows is measured: from one exposure of a stereo pair, or from a single camera that is
 /// moved a little. Called by the executive's thread alone:
@@ -36,6 +44,9 @@ class ViewDepth {
   virtual void add(const Frame& frame) = 0;
   /// The key frame's depth, but for the ids. False, with the reason, when the key frame could not be used.
   virtual bool finish(DepthMap* map, std::string* why) = 0;
+
+  /// Key frames of finished maps that are now known to stand elsewhere than their map, or an earlier call, said.
+  virtual std::vector<KeyPose> corrections() { return {}; }
 };
 
 }  // namespace vantage

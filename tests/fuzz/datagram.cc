@@ -29,6 +29,7 @@ void decode_as_each(Bytes bytes) {
   decode<depth_map_manifest_t>(bytes);
   decode<depth_map_receipt_t>(bytes);
   decode<heartbeat_t>(bytes);
+  decode<key_pose_t>(bytes);
   decode<motion_goal_t>(bytes);
   decode<preview_t>(bytes);
   decode<robot_state_t>(bytes);

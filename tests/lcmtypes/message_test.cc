@@ -91,6 +91,7 @@ TEST(Message, LayoutsEqualTheGeneratedCode) {
   expect_layout_equals_generated_code(depth_map_manifest_t{});
   expect_layout_equals_generated_code(sample_chunk());
   expect_layout_equals_generated_code(sample_receipt());
+  expect_layout_equals_generated_code(key_pose_t{});
   expect_layout_equals_generated_code(motion_goal_t{});
   expect_layout_equals_generated_code(robot_state_t{});
   expect_layout_equals_generated_code(sample_heartbeat());

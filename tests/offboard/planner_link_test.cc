@@ -9,6 +9,7 @@
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/depth_map_sender.h"
 #include "lcmtypes/link/memory_bus.h"
+#include "lcmtypes/link/pose_fields.h"
 #include "tests/lcmtypes/sample_depth_map.h"
 
 namespace vantage {
@@ -105,6 +106,30 @@ TEST_F(PlannerLinkTest, AMapOfAnotherGoalIsRefusedAndCounted) {
   ASSERT_FALSE(run(milliseconds(100), true, &end_));
   EXPECT_EQ(link_.refused_maps(), 2u);
   EXPECT_EQ(session_.steps(), 0);
+}
+
+TEST_F(PlannerLinkTest, ACorrectedKeyFrameGoesToTheSession) {
+  EXPECT_FALSE(run(milliseconds(500), true, &end_));
+  const Eigen::Isometry3d first_goal = session_.goal()->T_world_camera;
+  answer(goals_.back().goal_id, 1);
+  EXPECT_FALSE(run(milliseconds(500), true, &end_));
+  const auto log_size = [] { return std::filesystem::file_size(folder() / "log.lcm"); };
+  key_pose_t pose;
+  pose.utime = clock_.utime();
+  pose.session = static_cast<std::int64_t>(sample_depth_map(32, 24).session);
+  pose.map_id = 1;
+  set_pose(first_goal * Eigen::Translation3d(0.01, 0, 0), &pose);
+  const std::uint64_t voxels = session_.map().counts().occupied;
+  ASSERT_GT(voxels, 0u);
+  int logged = 0;
+  for (int i = 0; i < 3; ++i) {  // as the robot says it, again and again
+    const auto before = log_size();
+    publish_message(bus_, channel::kKeyPose, pose);
+    while (bus_.handle(milliseconds(0))) {
+    }
+    logged += log_size() > before;
+  }
+  EXPECT_EQ(logged, 1);
 }
 
 TEST_F(PlannerLinkTest, SaysThatNoRobotIsThere) {

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <gtest/gtest.h>
+#include <vantage/key_pose_t.hpp>
 #include <vantage/motion_goal_t.hpp>
 #include <vantage/robot_state_t.hpp>
 
@@ -18,6 +20,34 @@ namespace vantage {
 namespace {
 
 using std::chrono::milliseconds;
+
+/// A stereo pair whose first key frame turns out to stand 1 cm higher, as soon as the second is measured.
+class LateCorrection final : public ViewDepth {
+ public:
+  explicit LateCorrection(StereoDepth& matcher) : stereo_(matcher) {}
+  bool fits(const Frame& frame, std::string* why) override { return stereo_.fits(frame, why); }
+  bool watches_the_way() const override { return false; }
+  void pass(const Frame&) override {}
+  void begin(const Frame& key) override { stereo_.begin(key); }
+  std::optional<Eigen::Isometry3d> next_pose() override { return {}; }
+  void add(const Frame&) override {}
+  bool finish(DepthMap* map, std::string* why) override {
+    if (!stereo_.finish(map, why)) return false;
+    if (!first_) first_ = KeyPose{map->utime, map->T_world_camera * Eigen::Translation3d(0, 0, 0.01)};
+    ++measured_;
+    return true;
+  }
+  std::vector<KeyPose> corrections() override {
+    if (measured_ < 1 || std::exchange(told_, true)) return {};
+    return {*first_};
+  }
+
+ private:
+  StereoView stereo_;
+  std::optional<KeyPose> first_;
+  int measured_ = 0;
+  bool told_ = false;
+};
 
 class RobotLinkTest : public testing::Test {
  protected:
@@ -95,6 +125,36 @@ TEST_F(RobotLinkTest, AGoalBecomesADepthMapOnce) {
   EXPECT_EQ(robot_.exposures(), 2);  // one at the start, one for the goal
   EXPECT_EQ(last_state_.goal_id, 1);
   EXPECT_EQ(last_state_.planner, 77);
+}
+
+TEST_F(RobotLinkTest, AKeyFrameThatWasMovedIsToldAgainAndAgain) {
+  LateCorrection depth(matcher_);
+  Executive executive(robot_, robot_, depth, {20, 20});
+  receiver_ =
+      std::make_unique<DepthMapReceiver>(bus_, clock_, [this](const depth_map_t& map) { maps_.push_back(map); });
+  std::vector<key_pose_t> told;
+  subscribe_message<key_pose_t>(bus_, channel::kKeyPose, &decode_, [&](const key_pose_t& p) { told.push_back(p); });
+  RobotLink link(bus_, clock_, executive, "1", {.on_lost_planner = OnLostPlanner::kEnd});
+  Presence planner(bus_, clock_, Role::kPlanner, "1");
+  RobotEnd end;
+  for (const std::int64_t id : {1, 2}) {
+    for (int i = 0; i < 3000 && maps_.size() < static_cast<std::size_t>(id); ++i) {
+      send(link, goal(id, 0.1 * static_cast<double>(id)));
+      ASSERT_FALSE(run(link, &planner, 1, &end)) << end.message;
+    }
+    if (id == 1) {
+      EXPECT_TRUE(told.empty());
+    }
+  }
+  ASSERT_EQ(maps_.size(), 2u);
+  EXPECT_FALSE(run(link, &planner, 100, &end));  // a second
+  ASSERT_GE(told.size(), 4u);
+  EXPECT_LE(told.size(), 12u);
+  for (const key_pose_t& pose : told) {
+    EXPECT_EQ(pose.map_id, 1);
+    EXPECT_EQ(pose.session, maps_[0].session);
+    EXPECT_NEAR(pose.position[2], maps_[0].position[2] + 0.01, 1e-12);
+  }
 }
 
 TEST_F(RobotLinkTest, AGoalWithNanIsRefusedAndCounted) {

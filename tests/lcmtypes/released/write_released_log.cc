@@ -103,6 +103,11 @@ void write_log(const char* path) {
   goal.view_id = 3;
   set_pose(sample(1).T_world_camera, &goal);
   log.write(channel::kMotionGoal, goal);
+  key_pose_t key_pose{};
+  key_pose.session = kRobot;
+  key_pose.map_id = 1;
+  set_pose(sample(1).T_world_camera, &key_pose);
+  log.write(channel::kKeyPose, key_pose);
   command_t command{};
   command.sender = kPlanner;
   command.robot = kRobot;

@@ -11,6 +11,7 @@
 #include "lcmtypes/link/depth_map_receiver.h"
 #include "lcmtypes/link/depth_map_sender.h"
 #include "lcmtypes/link/memory_bus.h"
+#include "lcmtypes/link/pose_fields.h"
 #include "lcmtypes/link/sealed_bus.h"
 #include "offboard/mapping/octomap_io.h"
 #include "offboard/replay.h"
@@ -48,6 +49,13 @@ class SessionTest : public testing::Test {
     map.depth_m.assign(map.depth_m.size(), 0.5F);
     map.sigma_m.assign(map.sigma_m.size(), 0.002F);
     map.state.assign(map.state.size(), DepthState::kConverged);
+    return pack_depth_map(map);
+  }
+
+  /// A map with that id, from anywhere.
+  static depth_map_t answer_at(std::int64_t id) {
+    DepthMap map = sample_depth_map(64, 48, 1);
+    map.map_id = id;
     return pack_depth_map(map);
   }
 
@@ -89,6 +97,87 @@ TEST_F(SessionTest, AReplayGivesTheSameFilesToTheByte) {
     EXPECT_FALSE(text_of(folder_ / "live" / file).empty()) << file;
   }
   EXPECT_TRUE(read_map(folder_ / "live" / "map.ot") == again.map());
+}
+
+key_pose_t key_pose(const depth_map_t& map, const Eigen::Isometry3d& T_world_camera) {
+  key_pose_t message;
+  message.utime = 1;
+  message.session = map.session;
+  message.map_id = map.map_id;
+  set_pose(T_world_camera, &message);
+  return message;
+}
+
+TEST_F(SessionTest, ACorrectedKeyFrameMakesTheMapAsIfItHadStoodThereAtOnce) {
+  config_.planning.reset();
+  std::string why;
+  std::vector<depth_map_t> maps;
+  for (int i = 0; i < 3; ++i) {
+    DepthMap map = sample_depth_map(64, 48, 1);
+    map.map_id = i + 1;
+    map.T_world_camera = Eigen::Translation3d(0.1 * i, 0, 0) * Eigen::Isometry3d::Identity();
+    map.depth_m.assign(map.depth_m.size(), 0.5F);
+    map.sigma_m.assign(map.sigma_m.size(), 0.002F);
+    map.state.assign(map.state.size(), DepthState::kConverged);
+    maps.push_back(pack_depth_map(map));
+  }
+  Session corrected(config_, folder_ / "corrected", false, clock_, terminal_);
+  for (const depth_map_t& map : maps) ASSERT_TRUE(corrected.take(map, &why)) << why;
+  const OccupancyMap before = corrected.map();
+  const Eigen::Isometry3d moved(Eigen::Translation3d(0.1, 0.05, 0.12));
+  EXPECT_TRUE(corrected.correct(key_pose(maps[1], moved)));
+  EXPECT_FALSE(corrected.correct(key_pose(maps[1], moved)));  // it is told again and again
+  depth_map_t unknown = maps[1];
+  unknown.map_id = 9;
+  EXPECT_FALSE(corrected.correct(key_pose(unknown, moved)));
+  unknown = maps[1];
+  unknown.session += 1;
+  EXPECT_FALSE(corrected.correct(key_pose(unknown, moved)));
+  key_pose_t bad = key_pose(maps[1], moved);
+  bad.position[0] = std::nan("");
+  EXPECT_FALSE(corrected.correct(bad));
+  corrected.write_results();
+  EXPECT_FALSE(corrected.map() == before);
+
+  set_pose(moved, &maps[1]);
+  Session direct(config_, folder_ / "direct", false, clock_, terminal_);
+  for (const depth_map_t& map : maps) ASSERT_TRUE(direct.take(map, &why)) << why;
+  direct.write_results();
+  EXPECT_TRUE(corrected.map() == direct.map());
+  for (const char* file : {"map.ot", "mesh.ply", "cloud.ply"}) {
+    EXPECT_EQ(text_of(folder_ / "corrected" / file), text_of(folder_ / "direct" / file)) << file;
+  }
+}
+
+TEST_F(SessionTest, CorrectionsComeBackInReplayAndResume) {
+  config_.planning->planner.most_views = 4;
+  const Eigen::Isometry3d shift(Eigen::Translation3d(0.03, -0.05, 0.02));
+  const auto take = [&](Session& session, std::int64_t id) {
+    std::string why;
+    const depth_map_t map = answer(session, id);
+    EXPECT_TRUE(session.take(map, &why)) << why;
+    return map;
+  };
+  {
+    Session session(config_, folder_ / "live", false, clock_, terminal_);
+    const depth_map_t first = take(session, 1);
+    take(session, 2);
+    EXPECT_TRUE(session.correct(key_pose(first, *pose_of(first) * shift)));
+    const depth_map_t third = take(session, 3);
+    EXPECT_TRUE(session.correct(key_pose(third, *pose_of(third) * shift)));  // nothing follows it before the resume
+  }
+  std::unique_ptr<Session> resumed = Session::resume(folder_ / "live", clock_, terminal_);
+  take(*resumed, 4);
+  ASSERT_TRUE(resumed->finished());
+  EXPECT_FALSE(resumed->correct(key_pose(answer_at(1), shift)));  // too late
+  resumed->write_results();
+
+  Session again(config_, folder_ / "again", false, clock_, terminal_);
+  replay_log(folder_ / "live" / "log.lcm", 0, never_, again);
+  again.write_results();
+  for (const char* file : {"steps.csv", "scores.csv", "map.ot", "mesh.ply", "cloud.ply", "view.html"}) {
+    EXPECT_EQ(text_of(folder_ / "live" / file), text_of(folder_ / "again" / file)) << file;
+  }
 }
 
 TEST_F(SessionTest, StepsTableHasALineAView) {

@@ -3,6 +3,8 @@
 #include <atomic>
 #include <cmath>
 #include <functional>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -145,7 +147,9 @@ class ThreePlaces final : public ViewDepth {
     ++added;
   }
   bool finish(DepthMap* map, std::string* why) override { return matcher_.compute(key_, map, why); }
+  std::vector<KeyPose> corrections() override { return std::exchange(corrected, {}); }
 
+  std::vector<KeyPose> corrected;  // the test's until the executive runs
   std::atomic<int> passed = 0, added = 0;
 
  private:
@@ -164,6 +168,20 @@ TEST_F(ExecutiveTest, MovesAroundTheViewAsTheDepthAsks) {
   EXPECT_EQ(map->T_world_camera.translation(), Eigen::Vector3d(0.4, 0, 0));  // the view's, not where it ended
   EXPECT_TRUE(executive.snapshot().T_world_camera.translation().isApprox(Eigen::Vector3d(0.4, 0.3, 0)));
   EXPECT_EQ(executive.fetch_frame()->T_world_camera->translation(), Eigen::Vector3d(0.4, 0, 0));
+}
+
+TEST_F(ExecutiveTest, HandsOverCorrectionsOnce) {
+  ThreePlaces depth(matcher_);
+  depth.corrected = {{17, Eigen::Isometry3d(Eigen::Translation3d(1, 2, 3))}};
+  Executive executive(robot_, robot_, depth, limits_);
+  EXPECT_TRUE(executive.fetch_corrections().empty());
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0})));
+  std::vector<KeyPose> corrections;
+  ASSERT_TRUE(within(milliseconds(5000), [&] { return !(corrections = executive.fetch_corrections()).empty(); }));
+  ASSERT_EQ(corrections.size(), 1u);
+  EXPECT_EQ(corrections[0].utime, 17);
+  EXPECT_EQ(corrections[0].T_world_camera.translation(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_TRUE(executive.fetch_corrections().empty());
 }
 
 TEST_F(ExecutiveTest, HoldBreaksOffTheMotionAroundAView) {
