@@ -25,8 +25,8 @@ using std::chrono::milliseconds;
 
 constexpr std::size_t kPixels = std::size_t{kVividWidth} * kVividHeight;
 
-/// Grey picture number n: the number in its first four pixels, then noise that n decides.
-std::vector<std::uint8_t> picture(std::uint32_t n) {
+/// The number in its first four pixels, then noise that n decides.
+std::vector<std::uint8_t> noise_picture(std::uint32_t n) {
   std::vector<std::uint8_t> grey(kPixels);
   std::uint64_t state = 0x9E3779B97F4A7C15ULL * (n + 1);
   for (std::size_t i = 0; i < kPixels; i += 8) {
@@ -134,7 +134,8 @@ class OutputStream {
 
 }  // namespace
 
-VividFeeder::VividFeeder(std::uint32_t fourcc) : fourcc_(fourcc) {
+VividFeeder::VividFeeder(std::uint32_t fourcc, Picture picture)
+    : fourcc_(fourcc), picture_(picture ? std::move(picture) : noise_picture) {
   thread_ = std::thread([this] { run(); });
   for (int i = 0; i < 500 && written_ < 6; ++i) std::this_thread::sleep_for(milliseconds(10));
   EXPECT_GE(written_, 6) << "nothing is shown";
@@ -154,7 +155,7 @@ void VividFeeder::run() {
       std::this_thread::sleep_for(milliseconds(20));
       continue;
     }
-    const std::vector<std::uint8_t> grey = picture(n++);
+    const std::vector<std::uint8_t> grey = picture_(n++);
     if (output->show(in_format(grey, fourcc_))) {
       ++written_;
     } else {
@@ -166,7 +167,7 @@ void VividFeeder::run() {
 std::int64_t vivid_picture_number(const GreyImage& image) {
   std::uint32_t n = 0;
   std::memcpy(&n, image.pixels.get(), sizeof n);
-  const std::vector<std::uint8_t> expected = picture(n);
+  const std::vector<std::uint8_t> expected = noise_picture(n);
   for (int y = 0; y < kVividHeight; ++y) {
     if (std::memcmp(image.pixels.get() + y * image.stride, &expected[static_cast<std::size_t>(y) * kVividWidth],
                     kVividWidth) != 0) {
