@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "offboard/gain/large_pages.h"
+#include "offboard/mapping/large_pages.h"
 #include "offboard/gain/visit_code.h"
 
 namespace vantage {

@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 
 #include "offboard/gain/brick_codes.h"
-#include "offboard/gain/large_pages.h"
+#include "offboard/mapping/large_pages.h"
 #include "offboard/gain/visit_code.h"
 #include "offboard/mapping/occupancy_map.h"
 

@@ -13,6 +13,7 @@ namespace vantage {
 namespace {
 
 constexpr int kEdge = OccupancyMap::kBrickEdge;
+constexpr int kGroup = 4;          // bricks an edge: the first, coarse question
 constexpr float kNearest = 1e-4F;  // m; voxel centres nearer the camera's plane project nowhere useful
 
 /// A cube's outline reaches from its centre, in the mean over directions, so many half edges far.
@@ -25,6 +26,14 @@ std::uint8_t hit_kind(double sigma_voxels) {
   if (sigma_voxels <= 1) return static_cast<std::uint8_t>(VoxelUpdate::kHalfHit) + 1;
   if (sigma_voxels <= 2) return static_cast<std::uint8_t>(VoxelUpdate::kQuarterHit) + 1;
   return 0;
+}
+
+/// Asks for a brick's storage, which lies in memory far away as often as not; it comes while the image is asked.
+void prefetch(const OccupancyMap::Brick* brick) {
+  if (brick == nullptr) return;
+  constexpr std::size_t kCacheLine = 64;
+  const auto* bytes = reinterpret_cast<const char*>(brick);
+  for (std::size_t at = 0; at < sizeof *brick; at += kCacheLine) __builtin_prefetch(bytes + at);
 }
 
 class DepthIntegration {
@@ -89,13 +98,10 @@ class DepthIntegration {
  private:
   void for_each_group() {
     const Eigen::Vector3i bricks = map_.size_bricks();
-    constexpr int kGroup = 4;  // bricks a group, each way: the first, coarse test
     Eigen::Vector3i group;
     for (group.z() = 0; group.z() < bricks.z(); group.z() += kGroup) {
       for (group.y() = 0; group.y() < bricks.y(); group.y() += kGroup) {
-        for (group.x() = 0; group.x() < bricks.x(); group.x() += kGroup) {
-          integrate_group(group, (bricks - group).cwiseMin(kGroup));
-        }
+        for (group.x() = 0; group.x() < bricks.x(); group.x() += kGroup) integrate_group(group, kGroup);
       }
     }
   }
@@ -111,7 +117,8 @@ class DepthIntegration {
   };
 
   void scatter_hits();
-  void integrate_group(const Eigen::Vector3i& first, const Eigen::Vector3i& extent);
+  void integrate_group(const Eigen::Vector3i& first, int edge);
+  void integrate_all(const Eigen::Vector3i& first, const Eigen::Vector3i& extent, Cover cover);
   void integrate_brick(const Eigen::Vector3i& position, Cover cover);
   Cover classify(const Eigen::Vector3i& first_voxel, const Eigen::Vector3i& voxels) const;
   bool free_all(std::size_t brick);
@@ -197,18 +204,16 @@ DepthIntegration::Cover DepthIntegration::classify(const Eigen::Vector3i& first_
   const float z_min = center.z() - spread.z(), z_max = center.z() + spread.z();
   if (z_max <= kNearest) return Cover::kNothing;
   if (z_min <= kNearest) return Cover::kMixed;
-  const float near = 1 / z_min, far = 1 / z_max;
-  const auto extreme = [near, far](float low, float high, float* min, float* max) {
-    *min = low * (low < 0 ? near : far);
-    *max = high * (high < 0 ? far : near);
+  // Its projection reaches as far as its corners'.
+  using Corners = Eigen::Array<float, 1, 8>;
+  static const Corners kX{-1, 1, -1, 1, -1, 1, -1, 1}, kY{-1, -1, 1, 1, -1, -1, 1, 1}, kZ{-1, -1, -1, -1, 1, 1, 1, 1};
+  const Eigen::Matrix3f edges = axes_ * half.cast<float>().asDiagonal();
+  const auto corners = [&](int axis) -> Corners {
+    return center[axis] + edges(axis, 0) * kX + edges(axis, 1) * kY + edges(axis, 2) * kZ;
   };
-  float u_min, u_max, v_min, v_max;
-  extreme(center.x() - spread.x(), center.x() + spread.x(), &u_min, &u_max);
-  extreme(center.y() - spread.y(), center.y() + spread.y(), &v_min, &v_max);
-  u_min = fx_ * u_min + cx_;
-  u_max = fx_ * u_max + cx_;
-  v_min = fy_ * v_min + cy_;
-  v_max = fy_ * v_max + cy_;
+  const Corners inverse = corners(2).inverse();
+  const Corners u = fx_ * corners(0) * inverse + cx_, v = fy_ * corners(1) * inverse + cy_;
+  const float u_min = u.minCoeff(), u_max = u.maxCoeff(), v_min = v.minCoeff(), v_max = v.maxCoeff();
   const auto width = static_cast<float>(depth_map_.camera.width), height = static_cast<float>(depth_map_.camera.height);
   // Slack for rounding, so that a voxel's own answer is never another.
   constexpr float kDepthSlack = 1 + 1e-5F;
@@ -224,27 +229,39 @@ DepthIntegration::Cover DepthIntegration::classify(const Eigen::Vector3i& first_
   return z_max * kDepthSlack + truncation_ < bounds.min_free ? Cover::kFarFree : Cover::kNearFree;
 }
 
-void DepthIntegration::integrate_group(const Eigen::Vector3i& first, const Eigen::Vector3i& extent) {
+/// Asks the image about a cube of bricks as a whole, and where it has no one answer about the eighths of it.
+void DepthIntegration::integrate_group(const Eigen::Vector3i& first, int edge) {
+  const Eigen::Vector3i extent = (map_.size_bricks() - first).cwiseMin(edge);
   const Cover cover = classify(kEdge * first, kEdge * extent);
+  if (edge == 1 || cover == Cover::kNothing || cover == Cover::kFarFree) {
+    integrate_all(first, extent, cover);
+    return;
+  }
+  const int half = edge / 2;
+  for (int z = 0; z < extent.z(); z += half) {
+    for (int y = 0; y < extent.y(); y += half) {
+      for (int x = 0; x < extent.x(); x += half) integrate_group(first + Eigen::Vector3i(x, y, z), half);
+    }
+  }
+}
+
+/// Integrates bricks of which the image says the same.
+void DepthIntegration::integrate_all(const Eigen::Vector3i& first, const Eigen::Vector3i& extent, Cover cover) {
   Eigen::Vector3i offset;
   for (offset.z() = 0; offset.z() < extent.z(); ++offset.z()) {
     for (offset.y() = 0; offset.y() < extent.y(); ++offset.y()) {
       for (offset.x() = 0; offset.x() < extent.x(); ++offset.x()) {
         const Eigen::Vector3i position = first + offset;
-        if (only_ != nullptr && (*only_)[map_.brick_index(position)] == 0) continue;
-        const Cover own = cover == Cover::kMixed || cover == Cover::kNearFree
-                              ? classify(kEdge * position, Eigen::Vector3i::Constant(kEdge))
-                              : cover;
+        const std::size_t brick = map_.brick_index(position);
+        if (only_ != nullptr && (*only_)[brick] == 0) continue;
         if (found_ != nullptr) {
-          const std::size_t index = map_.brick_index(position);
-          if (own != Cover::kNothing || hits_of_brick_[index] != 0) (*found_)[index] = 1;
+          if (cover != Cover::kNothing || hits_of_brick_[brick] != 0) (*found_)[brick] = 1;
           continue;
         }
-        integrate_brick(position, own);
-        if (tsdf_ == nullptr || own == Cover::kNothing) continue;
+        integrate_brick(position, cover);
+        if (tsdf_ == nullptr || cover == Cover::kNothing) continue;
         // Far from the surface there is nothing to add but to what stands there already.
-        const std::size_t brick = map_.brick_index(position);
-        if (own == Cover::kFarFree && tsdf_->find(brick) == nullptr) continue;
+        if (cover == Cover::kFarFree && tsdf_->find(brick) == nullptr) continue;
         project_from(position);
         tsdf_integrator_->integrate(brick, projection_);
       }
@@ -261,6 +278,7 @@ void DepthIntegration::integrate_brick(const Eigen::Vector3i& position, Cover co
   if ((cover == Cover::kFarFree || cover == Cover::kNearFree) && hits == nullptr) {
     changed = free_all(index);
   } else {
+    prefetch(map_.dense(index));
     const Judged judged = judge_voxels(position, hits);
     if (map_.dense(index) == nullptr && hits == nullptr && judged.marked == 0) {
       // A uniform brick stays so if all of it, or nothing, changes.

@@ -134,10 +134,10 @@ DepthLookup::Bounds DepthLookup::bounds(int u_min, int u_max, int v_min, int v_m
   u_max = std::clamp(u_max, 0, width_ - 1);
   v_min = std::clamp(v_min, 0, height_ - 1);
   v_max = std::clamp(v_max, 0, height_ - 1);
-  // The finest level at which the rectangle meets at most 3 x 3 blocks.
+  // The finest level at which the rectangle meets at most 4 x 4 blocks.
   std::size_t level = 0;
   int shift = kFirstLevel;
-  while (std::max((u_max >> shift) - (u_min >> shift), (v_max >> shift) - (v_min >> shift)) > 2) {
+  while (std::max((u_max >> shift) - (u_min >> shift), (v_max >> shift) - (v_min >> shift)) > 3) {
     ++level;
     ++shift;
   }

@@ -156,7 +156,7 @@ OccupancyMap::Brick& OccupancyMap::open(std::size_t brick) {
   if (slot.storage == kUniform) {
     if (unused_.empty()) {
       slot.storage = static_cast<std::uint32_t>(storage_.size());
-      storage_.emplace_back();
+      storage_.add();
     } else {
       slot.storage = unused_.back();
       unused_.pop_back();

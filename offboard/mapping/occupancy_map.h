@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstdint>
-#include <deque>
 #include <limits>
 #include <memory>
 #include <string>
@@ -11,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "lcmtypes/link/depth_map.h"
+#include "offboard/mapping/brick_pool.h"
 #include "offboard/mapping/log_odds_levels.h"
 #include "offboard/mapping/region.h"
 #include "offboard/mapping/sensor_model.h"
@@ -199,7 +199,7 @@ class OccupancyMap {
   Eigen::Vector3i size_bricks_;
   LogOddsLevels levels_;
   std::vector<Slot> slots_;
-  std::deque<Brick> storage_;
+  BrickPool<Brick> storage_;
   std::vector<std::uint32_t> unused_;  // elements of storage_ given back
   std::uint32_t revision_ = 0;
   bool has_marks_ = false;

@@ -45,7 +45,7 @@ Tsdf::Brick& Tsdf::allocate(std::size_t brick) {
   if (slot == kNone) {
     if (unused_.empty()) {
       slot = static_cast<std::uint32_t>(storage_.size());
-      storage_.emplace_back();
+      storage_.add();
     } else {
       slot = unused_.back();
       unused_.pop_back();

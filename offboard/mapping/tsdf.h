@@ -2,11 +2,11 @@
 
 #include <array>
 #include <cstdint>
-#include <deque>
 #include <string>
 #include <vector>
 
 #include "calib/files/ply.h"
+#include "offboard/mapping/brick_pool.h"
 #include "offboard/mapping/region.h"
 
 namespace vantage {
@@ -65,7 +65,7 @@ class Tsdf {
   double truncation_m_;
   Eigen::Vector3i size_bricks_;
   std::vector<std::uint32_t> slots_;
-  std::deque<Brick> storage_;
+  BrickPool<Brick> storage_;
   std::vector<std::uint32_t> unused_;
 };
 

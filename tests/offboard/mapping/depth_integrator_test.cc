@@ -1,9 +1,14 @@
 #include "offboard/mapping/depth_integrator.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <random>
 
 #include <gtest/gtest.h>
 
+#include "calib/look_at.h"
+#include "offboard/mapping/depth_lookup.h"
 #include "offboard/mapping/voxel_projection.h"
 #include "tests/offboard/mapping/analytic_scene.h"
 
@@ -180,6 +185,78 @@ TEST(DepthIntegrator, WholeBrickAnswersEqualVoxelByVoxelOnes) {
     }
   }
   EXPECT_LE(different, 128 * 128 * 128 / 2000);
+}
+
+/// What the image says for certain of a voxel, in double precision: from its centre's pixel, and from windows narrower
+/// and wider than its own.
+struct Certain {
+  bool free = false, not_free = false, marked = false, not_marked = false;
+
+  Certain(const OccupancyMap& map, const DepthMap& image, const Eigen::Vector3i& voxel, DepthLookup* lookup) {
+    constexpr double kSlack = 1e-4;  // m
+    const CameraModel& camera = image.camera;
+    const Eigen::Vector3d p = image.T_world_camera.inverse() * map.region().center(voxel);
+    const double pixels = map.region().resolution_m * camera.fx / p.z();  // of a voxel's edge
+    const double u = camera.fx * p.x() / p.z() + camera.cx, v = camera.fy * p.y() / p.z() + camera.cy;
+    const double far = 2 * pixels + 2;  // a voxel's centre may lie beside the image by less
+    if (p.z() < 0.1 || u < -far || v < -far || u > camera.width + far || v > camera.height + far) {
+      free = marked = false;
+      not_free = not_marked = p.z() < 0 || p.z() >= 0.1;
+      return;
+    }
+    // Pixels in doubt, at most one from the centre's, lie in the wide window.
+    const int column = static_cast<int>(std::clamp(std::round(u), 0.0, camera.width - 1.0));
+    const int row = static_cast<int>(std::clamp(std::round(v), 0.0, camera.height - 1.0));
+    const auto at = static_cast<std::size_t>(row * camera.width + column);
+    const bool on_pixel = std::abs(u - column) < 0.49 && std::abs(v - row) < 0.49;
+    const double wide = static_cast<double>(lookup->free_limit_in_window(static_cast<int>(pixels) + 3)[at]);
+    const double near = static_cast<double>(lookup->free_limit()[at]),
+                 surface = static_cast<double>(lookup->surface()[at]);
+    const double slant = p.norm() / p.z(), range = map.sensor_model().occlusion_range_m;
+    free = on_pixel && p.z() < near - kSlack;
+    not_free = p.z() > wide + kSlack;
+    marked = on_pixel && not_free && p.z() > surface + kSlack && p.z() > wide + kSlack &&
+             (p.z() - surface) * slant < range - kSlack;
+    not_marked = on_pixel && (p.z() < surface - kSlack || (p.z() - std::max(wide, surface)) * slant > range + kSlack);
+  }
+};
+
+TEST(DepthIntegrator, WhatIsSaidOfManyBricksAtOnceHoldsForEveryVoxel) {
+  const unsigned seed = 5;
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int i = 0; i < 6; ++i) {
+    SCOPED_TRACE("image " + std::to_string(i));
+    // From outside, or from within the region: parts of it lie behind the camera then.
+    const Eigen::Vector3d eye =
+        (i % 2 == 0 ? 0.8 : 0.35) * Eigen::Vector3d(unit(random), unit(random), 0.5) + Eigen::Vector3d(0, 0, 0.4);
+    const Eigen::Vector3d target(0.1 * unit(random), 0.1 * unit(random), 0.1);
+    const DepthMap image = AnalyticScene{}.depth_map(vga_camera(), look_at(eye, target), 0.001, seed);
+    OccupancyMap map(Region{{-0.4, -0.35, -0.03}, {133, 121, 90}, 0.006});
+    ASSERT_TRUE(map.integrate(image).ok);
+    DepthLookup lookup;
+    lookup.prepare(image, map.sensor_model());
+    std::array<std::int64_t, 4> certain{};
+    Eigen::Vector3i v;
+    for (v.z() = 0; v.z() < 90; ++v.z()) {
+      for (v.y() = 0; v.y() < 121; ++v.y()) {
+        for (v.x() = 0; v.x() < 133; ++v.x()) {
+          const Certain of(map, image, v, &lookup);
+          const VoxelState state = map.state(v);
+          const bool hit = map.observed(v) && map.log_odds(v) > 0;
+          ASSERT_TRUE(!of.free || hit || state == VoxelState::kFree) << v.transpose();
+          ASSERT_TRUE(!of.not_free || state != VoxelState::kFree) << v.transpose();
+          ASSERT_TRUE(!of.marked || hit || map.has_mark(v)) << v.transpose();
+          ASSERT_TRUE(!of.not_marked || !map.has_mark(v)) << v.transpose();
+          certain[0] += of.free;
+          certain[1] += of.not_free;
+          certain[2] += of.marked;
+          certain[3] += of.not_marked;
+        }
+      }
+    }
+    for (const std::int64_t voxels : certain) EXPECT_GT(voxels, 1000);
+  }
 }
 
 TEST(DepthIntegrator, EveryInstructionSetGivesTheSameVerdictsToTheBit) {

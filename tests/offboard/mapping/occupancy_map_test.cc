@@ -79,6 +79,25 @@ TEST(OccupancyMap, ClearedMapEqualsANewOne) {
   EXPECT_FALSE(map.has_marks());
 }
 
+TEST(OccupancyMap, ACopyGrowsOnItsOwn) {
+  const Region region{{0, 0, 0}, {8 * 70, 8 * 70, 8}, 0.01};  // more bricks than a piece of the storage holds
+  OccupancyMap map(region), twin(region);
+  const auto fill = [](OccupancyMap* to, int from, int end) {
+    for (int y = from; y < end; ++y) {
+      for (int x = 0; x < 70; ++x)
+        ASSERT_TRUE(to->set_log_odds({8 * x + 3, 8 * y + 1, 5}, static_cast<float>(x - y) / 40));
+    }
+  };
+  fill(&map, 0, 30);
+  OccupancyMap copy = map;
+  fill(&copy, 30, 70);
+  fill(&twin, 0, 70);
+  EXPECT_TRUE(copy == twin);
+  EXPECT_FALSE(map == twin);
+  fill(&map, 30, 70);
+  EXPECT_TRUE(map == twin);
+}
+
 TEST(OccupancyMap, MarksKeepTheDistanceToHalfAStep) {
   OccupancyMap map(small_region());
   const double step = map.mark_step_m();
