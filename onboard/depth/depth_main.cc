@@ -33,6 +33,7 @@ struct Arguments {
   double pose_sigma_m = 0.001;
   double pose_sigma_deg = 0.05;
   double pose_noise_m = 0;
+  double pose_turn_noise_deg = 0;
   std::uint64_t seed = 1;
   int threads = 0;
 };
@@ -52,6 +53,7 @@ void declare(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   app.add_flag("--poses-as-given", a.poses_as_given, "do not mend the poses by the images");
   app.add_option("--pose-noise", a.pose_noise_m, "adds noise of this sigma to each place: for trials, metres");
+  app.add_option("--pose-turn-noise", a.pose_turn_noise_deg, "the same for each turn, degrees");
   app.add_option("--seed", a.seed, "of that noise")->capture_default_str();
   app.add_option("--threads", a.threads, "0: one a core")->check(CLI::Range(0, 256));
 }
@@ -59,8 +61,8 @@ void declare(CLI::App& app, Arguments& a) {
 void check(const Arguments& a, const RecordingFrames& recording) {
   if (std::string why; !a.filter.valid(&why)) throw InputError("--min, --max: " + why);
   if (a.frames < 1) throw InputError("--frames: at least one is needed");
-  if (!(a.pose_sigma_m >= 0 && a.pose_sigma_deg >= 0 && a.pose_noise_m >= 0)) {
-    throw InputError("--pose-sigma, --pose-turn-sigma, --pose-noise: can't be negative");
+  if (!(a.pose_sigma_m >= 0 && a.pose_sigma_deg >= 0 && a.pose_noise_m >= 0 && a.pose_turn_noise_deg >= 0)) {
+    throw InputError("--pose-sigma, --pose-turn-sigma, --pose-noise, --pose-turn-noise: can't be negative");
   }
   if (a.reference < 0 || a.reference + 1 >= recording.size()) {
     throw InputError(fmt::format("--reference: {} has no frame after it; the recording has {} frames", a.reference,
@@ -107,6 +109,12 @@ int run(Arguments& a) {
     std::optional<PosedImage> frame = recording.frame(index);
     if (!frame) return frame;
     for (int k = 0; k < 3; ++k) frame->T_world_camera.translation()(k) += a.pose_noise_m * noise(random);
+    if (a.pose_turn_noise_deg > 0) {
+      for (int k = 0; k < 3; ++k) {
+        frame->T_world_camera.rotate(Eigen::AngleAxisd(a.pose_turn_noise_deg * std::numbers::pi / 180 * noise(random),
+                                                       Eigen::Vector3d(Eigen::Vector3d::Unit(k))));
+      }
+    }
     const double turn = a.pose_sigma_deg * std::numbers::pi / 180;
     frame->covariance.diagonal().head<3>().setConstant(a.pose_sigma_m * a.pose_sigma_m);
     frame->covariance.diagonal().tail<3>().setConstant(turn * turn);

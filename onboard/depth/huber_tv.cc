@@ -22,6 +22,7 @@ bool SmoothingOptions::valid(std::string* why) const {
   if (!(strength > 0)) return fail(why, "smoothing: the strength must be positive");
   if (!(edge_alpha >= 0 && edge_beta > 0))
     return fail(why, "smoothing: alpha can't be negative, beta must be positive");
+  if (!(sure_sigma > 0)) return fail(why, "smoothing: the sigma of sure pixels must be positive");
   if (!(least_data >= 0 && least_data <= 1)) return fail(why, "smoothing: the least weight lies between 0 and 1");
   if (iterations < 1) return fail(why, "smoothing: at least one iteration is needed");
   return true;
@@ -78,8 +79,8 @@ void HuberTvSmoother::State::set_edges(const GreyImage& image) {
   });
 }
 
-/// Data and weights: 1 for the surest tenth of the converged pixels, falling as their variance rises. False when none
-/// has converged.
+/// Data and weights: 1 for sure pixels and for the surest tenth of the converged ones, falling as their variance rises.
+/// False when none has converged.
 bool HuberTvSmoother::State::set_data(const DepthMap& map) {
   double sum = 0;
   std::size_t count = 0;
@@ -93,7 +94,7 @@ bool HuberTvSmoother::State::set_data(const DepthMap& map) {
   mean = static_cast<float>(sum / static_cast<double>(count));
   const auto surest = relative.begin() + static_cast<std::ptrdiff_t>(count / 10);
   std::nth_element(relative.begin(), surest, relative.begin() + static_cast<std::ptrdiff_t>(count));
-  const float best = std::max(*surest, 1e-6F);
+  const float best = std::max(*surest, static_cast<float>(options.sure_sigma));
   const auto least = static_cast<float>(options.least_data);
   // Where nothing is known the search for a start takes the mean of what is known to the left.
   for (int y = 0; y < height; ++y) {

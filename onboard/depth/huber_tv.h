@@ -16,6 +16,8 @@ struct SmoothingOptions {
   double edge_alpha = 8;        ///< how fast the weight falls where the image has an edge: exp(-alpha |grad I|^beta)
   double edge_beta = 0.8;       ///< with grey levels from 0 to 1
   double least_data = 0.02;     ///< weight of the data where a pixel has not converged, of the surest pixel's 1
+  double sure_sigma =
+      0.004;  ///< over the depth: so sure a pixel has the surest pixel's weight, however sure others are
   int iterations = 60;
 
   bool valid(std::string* why = nullptr) const;

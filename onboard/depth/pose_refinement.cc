@@ -1,6 +1,7 @@
 #include "onboard/depth/pose_refinement.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -9,7 +10,9 @@
 
 #include "onboard/depth/corner_tracks.h"
 #include "onboard/depth/epipolar_line.h"
+#include "onboard/depth/gauge_scale.h"
 #include "onboard/depth/image_pyramid.h"
+#include "onboard/depth/pose_noise.h"
 #include "onboard/depth/window_adjustment.h"
 
 namespace vantage {
@@ -23,8 +26,9 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kCorners = 300;
 constexpr int kLeastCorners = 20;
-constexpr std::size_t kAnchors = 10;     // frames that the adjustment keeps beside the newest
-constexpr double kCornerSigma_px = 0.1;  // of align_corners on images with noise of two grey levels
+constexpr std::size_t kAnchors = kMostPoses - 1;  // frames that the adjustment keeps beside the newest
+constexpr double kCornerSigma_px = 0.1;           // of align_corners on images with noise of two grey levels
+constexpr double kFirstSigma_px = 0.5;            // until the first frame has told
 // What no pose explains (lens, rolling shutter) is alike in corners that are near each other: however many are found,
 // so many err independently of each other.
 constexpr double kIndependentCorners = 20;
@@ -32,22 +36,19 @@ constexpr double kShiftFloor_m = 1e-5, kTurnFloor_rad = 1e-5;  // no pose is giv
 constexpr double kLargestOffset_px = 5;
 constexpr double kKnownRelativeSigma = 0.1;  // of a corner's inverse depth that is carried over
 constexpr double kEnoughScaleSigma = 0.08;
-constexpr std::size_t kLeastStations = 12;  // that tell how good given places are
-constexpr std::size_t kMostFrames = 1000;   // whose given poses the scale stands on
+constexpr std::size_t kTellingViews = 4;  // of how good given poses are
+constexpr double kHoldingSigma = 0.01;    // of the unit of length, as given poses must keep it to hold it
+// Over the inverse depths that are possible: so wide that hundreds of corners, each expected in the middle of them, do
+// not outvote the poses on the unit of length.
+constexpr double kPriorWidth = 3;
+constexpr int kMostRounds = 4;  // of adjusting and judging the poses' noise, a frame
 
 /// A frame, as it came and as it is adjusted.
 struct View {
   Isometry3d given = Isometry3d::Identity();      ///< metres
-  Matrix6d information = Matrix6d::Zero();        ///< of `given`
+  Matrix6d information = Matrix6d::Zero();        ///< of `given`, as stated
   Matrix3d shift_information = Matrix3d::Zero();  ///< of its translation alone
   AdjustedView adjusted;                          ///< gauge units
-};
-
-/// What the scale stands on: where a frame is in gauge units, and where it was said to be.
-struct Station {
-  Matrix3d R;
-  Vector3d t, given;
-  Matrix3d information;
 };
 
 }  // namespace
@@ -57,37 +58,38 @@ struct PoseRefinement::State {
       : camera(c),
         pool(p),
         prior_mean(0.5 * (1 / options.min_depth_m + 1 / options.max_depth_m)),
-        prior_sigma(options.inverse_range() / 3),
+        prior_sigma(kPriorWidth * options.inverse_range()),
         adjustment(c, 0.5 / options.max_depth_m, 2 / options.min_depth_m),
         key_image(c.width, c.height),
         image(c.width, c.height) {
-    corners_px.reserve(2 * kCorners);
-    stations.reserve(kMostFrames);
+    for (auto* corner_values : {&before, &found, &ratios}) corner_values->reserve(kCorners);
+    adjustment.reserve(kCorners);
+    corners_px.reserve(kCorners);
+    corners.reserve(kCorners);
+    offsets.reserve(kCorners);
+    for (View& view : views) view.adjusted.places.reserve(kCorners);
   }
+
+  View& newest() { return views[anchors]; }
+  /// The anchors and the newest, for the adjustment.
+  std::span<AdjustedView* const> adjusted() const { return {pointers.data(), anchors + 1}; }
 
   Vector2d project(const Isometry3d& T, const AdjustedCorner& corner) const {
     const Vector3d P = T.linear() * corner.ray + corner.inverse * T.translation();
     return {camera.fx * P.x() / P.z() + camera.cx, camera.fy * P.y() / P.z() + camera.cy};
   }
 
-  /// The given pose in gauge units: the key frame's error taken out, lengths divided by the scale.
-  void set_prior(View* view) const {
-    const double unit = gauge ? scale : 1;
-    AdjustedView& adjusted = view->adjusted;
-    adjusted.prior = view->given;
-    adjusted.prior.translation() = (view->given.translation() - view->given.linear() * key_offset) / unit;
-    adjusted.information = view->information;
-    adjusted.information.topRows<3>() *= unit;
-    adjusted.information.leftCols<3>() *= unit;
-  }
-
+  void set_prior(View* view) const;
   void find_places(View* view);
-  void adjust(View* newest);
-  void keep_gauge(const std::vector<AdjustedCorner>& before, View* newest);
-  void follow_scale();
-  void add_station(const View& view);
-  void choose_gauge(View* newest);
-  void keep_as_anchor(View&& view);
+  void adjust();
+  void adjust_from_given_too();
+  void weigh_misfit();
+  void remember(std::vector<double>* inverses) const;
+  double given_unit_sigma() const;
+  void keep_gauge();
+  void follow_unit();
+  void choose_gauge();
+  void keep_anchors_apart();
 
   CameraModel camera;
   WorkerPool* pool;
@@ -98,21 +100,28 @@ struct PoseRefinement::State {
   std::vector<Eigen::Vector2f> corners_px;
   std::vector<AdjustedCorner> corners;
   std::vector<Vector2d> offsets;  ///< of the last place each was found at from where it was expected
-  std::vector<View> anchors;
-  std::vector<Station> stations;
-  std::vector<double> ratios;
-  Matrix3d key_shift_covariance = Matrix3d::Zero();
+  std::array<View, kMostPoses> views;
+  std::size_t anchors = 0;  ///< the first of `views`; then the newest, then room
+  std::array<AdjustedView*, kMostPoses> pointers = {};
 
-  bool gauge = false;  ///< chosen: lengths keep their unit from now on
-  double scale = 1, scale_sigma = 0;
-  double carried_sigma = 0;                ///< of the gauge's unit where it was carried over; 0: it was not
-  Vector3d key_offset = Vector3d::Zero();  ///< error of the key frame's given place, metres along its axes
-  double pixel_sigma = 0.5;                ///< that the adjustment weighs corners with
+  PoseNoise noise;  ///< kept from key frame to key frame: the poses come from the same source
+  PoseEvidence evidence;
+  GaugeScale unit;
+
+  bool gauge = false;                   ///< chosen: lengths keep their unit from now on
+  bool held_by_poses = false;           ///< it is a metre, and the given poses keep it better than the corners could
+  double pixel_sigma = kFirstSigma_px;  ///< that the adjustment weighs corners with
   double misfit_px = 0;
+
+  // Room, kept from frame to frame.
+  std::vector<double> before, found, ratios;
+  std::array<Isometry3d, kMostPoses> found_poses;
 };
 
 PoseRefinement::PoseRefinement(const CameraModel& camera, const DepthFilterOptions& options, WorkerPool* pool)
-    : state_(std::make_unique<State>(camera, options, pool)) {}
+    : state_(std::make_unique<State>(camera, options, pool)) {
+  for (std::size_t i = 0; i < kMostPoses; ++i) state_->pointers[i] = &state_->views[i].adjusted;
+}
 
 PoseRefinement::~PoseRefinement() = default;
 
@@ -138,14 +147,23 @@ void PoseRefinement::begin(const GreyImage& key_image, const Matrix6d& key_covar
     s.corners.push_back(corner);
   }
   s.offsets.assign(s.corners.size(), Vector2d::Zero());
-  s.anchors.clear();
-  s.stations.clear();
-  s.key_shift_covariance = key_covariance.topLeftCorner<3, 3>() + 1e-12 * Matrix3d::Identity();
+  s.anchors = 0;
   s.gauge = 2 * known > s.corners.size();
-  s.scale = 1;
-  s.scale_sigma = s.carried_sigma = s.gauge ? scale_sigma : 0;
-  s.key_offset.setZero();
-  s.pixel_sigma = 0.5;
+  s.held_by_poses = s.held_by_poses && s.gauge;
+  s.unit.begin(key_covariance.topLeftCorner<3, 3>(), s.gauge ? scale_sigma : 0);
+  s.pixel_sigma = kFirstSigma_px;
+}
+
+/// The given pose in gauge units: the key frame's error taken out, lengths divided by the scale; as good as such poses
+/// have turned out to be.
+void PoseRefinement::State::set_prior(View* view) const {
+  const double metres = gauge ? unit.scale() : 1;
+  AdjustedView& adjusted = view->adjusted;
+  adjusted.prior = view->given;
+  adjusted.prior.translation() = (view->given.translation() - view->given.linear() * unit.key_error()) / metres;
+  Eigen::Matrix<double, 6, 1> factor;
+  factor << Vector3d::Constant(metres / std::sqrt(noise.shift())), Vector3d::Constant(1 / std::sqrt(noise.turn()));
+  adjusted.information = factor.asDiagonal() * view->information * factor.asDiagonal();
 }
 
 /// Looks for every corner in the image, about where the view's pose puts it, as it should look from there.
@@ -171,135 +189,143 @@ void PoseRefinement::State::find_places(View* view) {
   align_corners(key_image, image, corners_px, pool, &view->adjusted.places);
 }
 
-/// Poses and corners from all views kept and the newest. Until the gauge is chosen each frame also tries the poses as
-/// given with corners that fit them: with little parallax a wrong scene, inside out, may fit nearly as well as the true
-/// one, and one does not come from there to the other in small steps.
-void PoseRefinement::State::adjust(View* newest) {
-  std::vector<AdjustedView*> views;
-  for (View& anchor : anchors) views.push_back(&anchor.adjusted);
-  views.push_back(&newest->adjusted);
-  for (View& anchor : anchors) set_prior(&anchor);
-  set_prior(newest);
-  const std::vector<AdjustedCorner> before = corners;
-  double cost = adjustment.run(views, corners, pixel_sigma, gauge ? 5 : 10);
-  if (gauge) keep_gauge(before, newest);
-  if (!gauge) {
-    std::vector<Isometry3d> poses;
-    std::vector<AdjustedCorner> found = corners;
-    for (AdjustedView* view : views) {
-      poses.push_back(view->T);
-      view->T = view->prior;
+void PoseRefinement::State::remember(std::vector<double>* inverses) const {
+  inverses->clear();
+  for (const AdjustedCorner& corner : corners) inverses->push_back(corner.inverse);
+}
+
+/// Poses and corners from all views kept and the newest, in turn with how good the given poses are: what is stated of
+/// them is an upper bound, and with exact poses taken for no better than that, the unit of length is known no better.
+void PoseRefinement::State::adjust() {
+  remember(&before);
+  for (int round = 0; round < kMostRounds; ++round) {
+    for (std::size_t i = 0; i <= anchors; ++i) set_prior(&views[i]);
+    if (gauge) {
+      adjustment.run(adjusted(), corners, pixel_sigma, 5);
+    } else {
+      adjust_from_given_too();
     }
-    for (AdjustedCorner& corner : corners) corner.inverse = corner.prior_mean;
-    adjustment.run_structure(views, corners, pixel_sigma, 4);
-    if (adjustment.run(views, corners, pixel_sigma, 8) > cost) {
-      for (std::size_t i = 0; i < views.size(); ++i) views[i]->T = poses[i];
-      corners = found;
-      adjustment.run(views, corners, pixel_sigma, 1);
-    }
+    adjustment.weigh(adjusted(), &evidence);
+    if (!noise.judge(evidence)) break;
   }
-  const double residual_sigma = adjustment.residual_sigma(views, corners);
+  // What many corners have in common (lens, rolling shutter) holds for their depths too.
+  const double corners_sigma = adjustment.corner_sigma(corners) / std::sqrt(kIndependentCorners);
+  const bool poses_hold = given_unit_sigma() < std::min(corners_sigma, kHoldingSigma);
+  held_by_poses = poses_hold && (held_by_poses || !gauge);
+  if (gauge && !held_by_poses) keep_gauge();
+  weigh_misfit();
+}
+
+/// Until the gauge is chosen each frame also tries the poses as given with corners that fit them: with little parallax
+/// a wrong scene, inside out, may fit nearly as well as the true one, and one does not come from there to the other in
+/// small steps.
+void PoseRefinement::State::adjust_from_given_too() {
+  const double cost = adjustment.run(adjusted(), corners, pixel_sigma, 10);
+  remember(&found);
+  for (std::size_t i = 0; i <= anchors; ++i) {
+    found_poses[i] = views[i].adjusted.T;
+    views[i].adjusted.T = views[i].adjusted.prior;
+  }
+  for (AdjustedCorner& corner : corners) corner.inverse = corner.prior_mean;
+  adjustment.run_structure(adjusted(), corners, pixel_sigma, 4);
+  if (adjustment.run(adjusted(), corners, pixel_sigma, 8) <= cost) return;
+  for (std::size_t i = 0; i <= anchors; ++i) views[i].adjusted.T = found_poses[i];
+  for (std::size_t k = 0; k < corners.size(); ++k) corners[k].inverse = found[k];
+  adjustment.run(adjusted(), corners, pixel_sigma, 1);
+}
+
+/// What no pose explains, and what a corner counts for beside it.
+void PoseRefinement::State::weigh_misfit() {
+  const double residual_sigma = adjustment.residual_sigma(adjusted(), corners);
   misfit_px = std::sqrt(std::max(0.0, residual_sigma * residual_sigma - 2 * kCornerSigma_px * kCornerSigma_px));
-  const double found = static_cast<double>(std::count_if(newest->adjusted.places.begin(), newest->adjusted.places.end(),
-                                                         [](const PatchPlace& place) { return place.found; }));
-  pixel_sigma = std::hypot(kCornerSigma_px, misfit_px * std::sqrt(std::max(1.0, found / kIndependentCorners)));
+  const std::vector<PatchPlace>& places = newest().adjusted.places;
+  const auto seen = static_cast<double>(
+      std::count_if(places.begin(), places.end(), [](const PatchPlace& place) { return place.found; }));
+  pixel_sigma = std::hypot(kCornerSigma_px, misfit_px * std::sqrt(std::max(1.0, seen / kIndependentCorners)));
+}
+
+/// Relative standard deviation that the unit of length has by the given places of the views alone.
+double PoseRefinement::State::given_unit_sigma() const {
+  double information = 0;
+  for (std::size_t i = 0; i <= anchors; ++i) {
+    const Vector3d metres = unit.scale() * views[i].adjusted.T.translation();
+    information += metres.dot(views[i].shift_information * metres);
+  }
+  return std::sqrt(noise.shift() / information);
 }
 
 /// Undoes what the adjustment changed of all corners' depths alike: the gauge is theirs.
-void PoseRefinement::State::keep_gauge(const std::vector<AdjustedCorner>& before, View* newest) {
+void PoseRefinement::State::keep_gauge() {
   ratios.clear();
   for (std::size_t k = 0; k < corners.size(); ++k) {
-    if (newest->adjusted.places[k].found) ratios.push_back(corners[k].inverse / before[k].inverse);
+    if (newest().adjusted.places[k].found) ratios.push_back(corners[k].inverse / before[k]);
   }
   if (ratios.empty()) return;
   const auto median = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
   std::nth_element(ratios.begin(), median, ratios.end());
   const double grown = *median;
   for (AdjustedCorner& corner : corners) corner.inverse /= grown;
-  for (View& anchor : anchors) anchor.adjusted.T.translation() *= grown;
-  newest->adjusted.T.translation() *= grown;
+  for (std::size_t i = 0; i <= anchors; ++i) views[i].adjusted.T.translation() *= grown;
 }
 
-/// Least squares for the unit's length s and the key frame's error c: given_i = s t_i + R_i c. Done twice: the first
-/// residuals tell how good the given places really are, against what was stated of them.
-void PoseRefinement::State::follow_scale() {
-  double noise = 1;  // variance over the stated one
-  for (int pass = 0; pass < 2; ++pass) {
-    Eigen::Matrix4d H = Eigen::Matrix4d::Zero();
-    Eigen::Vector4d g = Eigen::Vector4d::Zero();
-    H.bottomRightCorner<3, 3>() = key_shift_covariance.inverse() / noise;
-    if (carried_sigma > 0) {
-      H(0, 0) = 1 / (carried_sigma * carried_sigma);
-      g(0) = H(0, 0);
-    }
-    Eigen::Matrix<double, 3, 4> A;
-    for (const Station& station : stations) {
-      A << station.t, station.R;
-      H += A.transpose() * station.information * A / noise;
-      g += A.transpose() * station.information * station.given / noise;
-    }
-    const Eigen::LDLT<Eigen::Matrix4d> solver(H);
-    const Eigen::Vector4d solution = solver.solve(g);
-    const double variance = solver.solve(Eigen::Vector4d::Unit(0))(0);
-    if (!solution.allFinite() || !(variance > 0)) return;
-    if (!(solution(0) > 0.2 && solution(0) < 5)) return;  // not to be believed yet
-    scale = solution(0);
-    key_offset = solution.tail<3>();
-    scale_sigma = std::sqrt(variance);
-    if (stations.size() < kLeastStations) return;
-    double squares = 0;
-    for (const Station& station : stations) {
-      const Vector3d off = station.given - scale * station.t - station.R * key_offset;
-      squares += off.dot(station.information * off);
-    }
-    noise = std::clamp(squares / (3 * static_cast<double>(stations.size()) - 4), 0.01, 100.0);
+/// How long the unit is, by all frames' given places; and whether that is known well enough to begin to measure.
+void PoseRefinement::State::follow_unit() {
+  // Until there is a gauge the whole window is adjusted anew: earlier places are out of date.
+  if (!gauge) unit.forget_frames();
+  for (std::size_t i = gauge ? anchors : 0; i <= anchors; ++i) {
+    unit.add(views[i].adjusted.T, views[i].given.translation(), views[i].shift_information);
   }
-}
-
-void PoseRefinement::State::add_station(const View& view) {
-  if (stations.size() == kMostFrames) return;
-  const Isometry3d& T = view.adjusted.T;
-  stations.push_back({T.linear(), T.translation(), view.given.translation(), view.shift_information});
+  if (gauge && held_by_poses) {
+    unit.follow_sigma(noise.shift());
+  } else {
+    unit.follow(noise.shift());
+  }
+  const bool known = unit.sigma() < kEnoughScaleSigma * unit.scale();
+  if (!gauge && known && (held_by_poses || anchors + 1 >= kTellingViews)) choose_gauge();
 }
 
 /// From here on the unit of length stays: a metre, as well as it is known now.
-void PoseRefinement::State::choose_gauge(View* newest) {
-  for (View& anchor : anchors) anchor.adjusted.T.translation() *= scale;
-  newest->adjusted.T.translation() *= scale;
-  for (Station& station : stations) station.t *= scale;
-  for (AdjustedCorner& corner : corners) {
-    corner.inverse /= scale;
-    corner.prior_mean /= scale;
-    corner.prior_sigma /= scale;
-  }
-  scale_sigma /= scale;
-  scale = 1;
+void PoseRefinement::State::choose_gauge() {
   gauge = true;
+  if (held_by_poses) {
+    unit.hold_metre();
+    return;
+  }
+  const double metres = unit.make_unit_a_metre();
+  for (std::size_t i = 0; i <= anchors; ++i) views[i].adjusted.T.translation() *= metres;
+  for (AdjustedCorner& corner : corners) {
+    corner.inverse /= metres;
+    corner.prior_mean /= metres;
+    corner.prior_sigma /= metres;
+  }
 }
 
-/// Keeps the anchors apart: the one nearest to another one goes.
-void PoseRefinement::State::keep_as_anchor(View&& view) {
-  anchors.push_back(std::move(view));
-  if (anchors.size() <= kAnchors) return;
+/// The newest becomes an anchor; when that is one too many the one nearest to an earlier one goes.
+void PoseRefinement::State::keep_anchors_apart() {
+  if (anchors < kAnchors) {
+    ++anchors;
+    return;
+  }
   std::size_t least = 0;
   double least_distance = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < anchors.size(); ++i) {
+  for (std::size_t i = 0; i <= anchors; ++i) {
     for (std::size_t k = 0; k < i; ++k) {
-      const double distance = (anchors[i].adjusted.T.translation() - anchors[k].adjusted.T.translation()).norm();
+      const double distance = (views[i].adjusted.T.translation() - views[k].adjusted.T.translation()).norm();
       if (distance < least_distance) {
         least_distance = distance;
         least = i;
       }
     }
   }
-  anchors.erase(anchors.begin() + static_cast<std::ptrdiff_t>(least));
+  std::rotate(views.begin() + static_cast<std::ptrdiff_t>(least),
+              views.begin() + static_cast<std::ptrdiff_t>(least) + 1, views.end());
 }
 
 RefinedPose PoseRefinement::refine(const GreyImage& image, const Isometry3d& T_frame_key,
                                    const Matrix6d& frame_covariance) {
   State& s = *state_;
   s.image.build(image);
-  View view;
+  View& view = s.newest();
   view.given = T_frame_key;
   Matrix6d covariance = frame_covariance;
   covariance.diagonal().head<3>().array() += kShiftFloor_m * kShiftFloor_m;
@@ -318,32 +344,23 @@ RefinedPose PoseRefinement::refine(const GreyImage& image, const Isometry3d& T_f
     refined.has_parallax = s.gauge;
     return refined;
   }
-  s.adjust(&view);
+  s.adjust();
   refined.covariance = s.adjustment.last_covariance();
   for (std::size_t k = 0; k < s.corners.size(); ++k) {
     if (!view.adjusted.places[k].found) continue;
     s.offsets[k] = view.adjusted.places[k].position.cast<double>() - s.project(view.adjusted.T, s.corners[k]);
     if (s.offsets[k].norm() > kLargestOffset_px) s.offsets[k].setZero();
   }
-  if (s.gauge) {
-    s.add_station(view);
-    s.follow_scale();
-  } else {
-    // The whole window has been adjusted anew: earlier places are out of date.
-    s.stations.clear();
-    for (const View& anchor : s.anchors) s.add_station(anchor);
-    s.add_station(view);
-    s.follow_scale();
-    if (s.scale_sigma < kEnoughScaleSigma * s.scale) s.choose_gauge(&view);
-  }
+  s.follow_unit();
   refined.T_frame_key = view.adjusted.T;
   refined.has_parallax = s.gauge;
   refined.misfit_px = s.misfit_px;
-  s.keep_as_anchor(std::move(view));
+  s.keep_anchors_apart();
   return refined;
 }
 
-double PoseRefinement::scale() const { return state_->gauge ? state_->scale : 1; }
-double PoseRefinement::scale_sigma() const { return state_->gauge ? state_->scale_sigma : 0; }
+double PoseRefinement::scale() const { return state_->gauge ? state_->unit.scale() : 1; }
+double PoseRefinement::scale_sigma() const { return state_->gauge ? state_->unit.sigma() : 0; }
+PoseRefinement::Noise PoseRefinement::noise() const { return {state_->noise.shift(), state_->noise.turn()}; }
 
 }  // namespace vantage

@@ -23,11 +23,14 @@ struct RefinedPose {
 };
 
 /// Mends the poses that a tracker or a robot gives, by some hundred corners of the key frame found again in each frame
-/// and a bundle adjustment of the latest frames in which the given poses are priors of their stated covariance.
+/// and a bundle adjustment of the latest frames in which the given poses are priors. Their stated covariance is taken
+/// for an upper bound: how good they are the images tell (pose_noise.h). Exact poses stay as they were given.
 ///
 /// A key frame has a gauge of its own: the images fix everything but the unit of length, and that unit must not change
-/// while a filter sums up what frames tell. It is chosen when the parallax is large against the poses' noise; `scale()`
-/// then follows how long that unit is in metres, from all frames' given poses and a common error of the key frame's.
+/// while a filter sums up what frames tell. It is chosen when the parallax is large against the poses' noise. Where the
+/// given poses hold it better than the corners could it is a metre; else `scale()` follows how long it is in metres,
+/// from all frames' given poses and a common error of the key frame's. From a key frame's first frames on nothing is
+/// taken from the heap.
 class PoseRefinement {
  public:
   /// \pre options valid. `pool` must outlive it.
@@ -42,6 +45,12 @@ class PoseRefinement {
   /// `T_frame_key` as given; `frame_covariance` of the frame's own pose, perturbed on the left: shift, turn.
   RefinedPose refine(const GreyImage& image, const Eigen::Isometry3d& T_frame_key,
                      const Eigen::Matrix<double, 6, 6>& frame_covariance);
+
+  /// Variances of the given poses' shifts and turns over those stated, as the images have it.
+  struct Noise {
+    double shift = 1, turn = 1;
+  };
+  Noise noise() const;
 
   double scale() const;        ///< metres in the gauge's unit; 1 until the parallax suffices
   double scale_sigma() const;  ///< standard deviation of it; 0 until then

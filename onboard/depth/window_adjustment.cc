@@ -60,6 +60,13 @@ bool observe(const CameraModel& camera, const AdjustedView& view, const Adjusted
   return true;
 }
 
+/// \pre not empty; the order is changed.
+double median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
 double huber_weight(double sigmas) { return sigmas > kHuber ? kHuber / sigmas : 1; }
 double huber_cost(double sigmas) { return sigmas > kHuber ? kHuber * (sigmas - 0.5 * kHuber) : 0.5 * sigmas * sigmas; }
 
@@ -73,7 +80,13 @@ Isometry3d moved(const Isometry3d& T, const Vector6d& d) {
   return step * T;
 }
 
-double WindowAdjustment::cost(std::span<AdjustedView*> views, const std::vector<AdjustedCorner>& corners,
+void WindowAdjustment::reserve(std::size_t corners) {
+  eliminated_.reserve(corners);
+  inverses_.reserve(corners);
+  lengths_.reserve(corners * kMostPoses);
+}
+
+double WindowAdjustment::cost(std::span<AdjustedView* const> views, const std::vector<AdjustedCorner>& corners,
                               double pixel_sigma) const {
   double sum = 0;
   Vector3d P;
@@ -93,7 +106,7 @@ double WindowAdjustment::cost(std::span<AdjustedView*> views, const std::vector<
 }
 
 /// Fills the reduced normal equations and what brings the corners back from them.
-double WindowAdjustment::linearise(std::span<AdjustedView*> views, const std::vector<AdjustedCorner>& corners,
+double WindowAdjustment::linearise(std::span<AdjustedView* const> views, const std::vector<AdjustedCorner>& corners,
                                    double pixel_sigma) {
   const auto size = static_cast<Index>(6 * views.size());
   H_.setZero(size, size);
@@ -127,30 +140,29 @@ double WindowAdjustment::linearise(std::span<AdjustedView*> views, const std::ve
   return cost(views, corners, pixel_sigma);
 }
 
-double WindowAdjustment::run(std::span<AdjustedView*> views, std::vector<AdjustedCorner>& corners, double pixel_sigma,
-                             int iterations) {
+double WindowAdjustment::run(std::span<AdjustedView* const> views, std::vector<AdjustedCorner>& corners,
+                             double pixel_sigma, int iterations) {
   double damping = 1e-4;
   double now = linearise(views, corners, pixel_sigma);
-  std::vector<Isometry3d> poses(views.size());
-  std::vector<double> inverses(corners.size());
+  inverses_.resize(corners.size());
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    for (std::size_t i = 0; i < views.size(); ++i) poses[i] = views[i]->T;
-    for (std::size_t k = 0; k < corners.size(); ++k) inverses[k] = corners[k].inverse;
-    Eigen::MatrixXd damped = H_;
-    damped.diagonal() *= 1 + damping;
-    const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> solver(damped);
+    for (std::size_t i = 0; i < views.size(); ++i) poses_[i] = views[i]->T;
+    for (std::size_t k = 0; k < corners.size(); ++k) inverses_[k] = corners[k].inverse;
+    damped_ = H_;
+    damped_.diagonal() *= 1 + damping;
+    const Eigen::LLT<Eigen::Ref<PosesMatrix>, Eigen::Lower> solver(damped_);
     if (solver.info() != Eigen::Success) {
       damping *= 100;
       continue;
     }
-    const Eigen::VectorXd step = -solver.solve(g_);
+    const PosesVector step = -solver.solve(g_);
     for (std::size_t i = 0; i < views.size(); ++i) {
-      views[i]->T = moved(poses[i], step.segment<6>(static_cast<Index>(6 * i)));
+      views[i]->T = moved(poses_[i], step.segment<6>(static_cast<Index>(6 * i)));
     }
     for (std::size_t k = 0; k < corners.size(); ++k) {
       const Elimination& e = eliminated_[k];
       const double change = -(e.gradient + e.coupling.dot(step)) / e.information;
-      corners[k].inverse = std::clamp(inverses[k] + change, low_, high_);
+      corners[k].inverse = std::clamp(inverses_[k] + change, low_, high_);
     }
     const double next = cost(views, corners, pixel_sigma);
     if (next < now) {
@@ -159,15 +171,15 @@ double WindowAdjustment::run(std::span<AdjustedView*> views, std::vector<Adjuste
       damping = std::max(1e-7, 0.1 * damping);
       if (settled) break;
     } else {
-      for (std::size_t i = 0; i < views.size(); ++i) views[i]->T = poses[i];
-      for (std::size_t k = 0; k < corners.size(); ++k) corners[k].inverse = inverses[k];
+      for (std::size_t i = 0; i < views.size(); ++i) views[i]->T = poses_[i];
+      for (std::size_t k = 0; k < corners.size(); ++k) corners[k].inverse = inverses_[k];
       damping *= 30;
     }
   }
   return now;
 }
 
-void WindowAdjustment::run_structure(std::span<AdjustedView*> views, std::vector<AdjustedCorner>& corners,
+void WindowAdjustment::run_structure(std::span<AdjustedView* const> views, std::vector<AdjustedCorner>& corners,
                                      double pixel_sigma, int iterations) {
   Observation o;
   for (std::size_t k = 0; k < corners.size(); ++k) {
@@ -186,14 +198,41 @@ void WindowAdjustment::run_structure(std::span<AdjustedView*> views, std::vector
   }
 }
 
-Matrix6d WindowAdjustment::last_covariance() const {
-  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(H_.rows(), 6);
-  unit.bottomRows<6>().setIdentity();
-  const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> solver(H_);
-  return solver.solve(unit).bottomRows<6>();
+void WindowAdjustment::weigh(std::span<AdjustedView* const> views, PoseEvidence* evidence) const {
+  evidence->images = H_.selfadjointView<Eigen::Lower>();
+  evidence->gradient = g_;
+  evidence->prior.setZero(H_.rows(), H_.cols());
+  PosesVector error(H_.rows());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto at = static_cast<Index>(6 * i);
+    error.segment<6>(at) = difference(views[i]->T, views[i]->prior);
+    evidence->prior.block<6, 6>(at, at) = views[i]->information;
+    evidence->images.block<6, 6>(at, at) -= views[i]->information;
+    evidence->gradient.segment<6>(at) -= views[i]->information * error.segment<6>(at);
+  }
+  // From where the poses are to where they were given.
+  evidence->gradient.noalias() -= evidence->images * error;
 }
 
-double WindowAdjustment::residual_sigma(std::span<AdjustedView*> views, const std::vector<AdjustedCorner>& corners) {
+double WindowAdjustment::corner_sigma(const std::vector<AdjustedCorner>& corners) {
+  lengths_.clear();
+  for (std::size_t k = 0; k < corners.size(); ++k) {
+    lengths_.push_back(1 / (std::sqrt(eliminated_[k].information) * corners[k].inverse));
+  }
+  return median(&lengths_);
+}
+
+Matrix6d WindowAdjustment::last_covariance() const {
+  Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, 6 * kMostPoses, 6> unit(H_.rows(), 6);
+  unit.setZero();
+  unit.bottomRows<6>().setIdentity();
+  const Eigen::LLT<PosesMatrix, Eigen::Lower> solver(H_);
+  solver.solveInPlace(unit);
+  return unit.bottomRows<6>();
+}
+
+double WindowAdjustment::residual_sigma(std::span<AdjustedView* const> views,
+                                        const std::vector<AdjustedCorner>& corners) {
   lengths_.clear();
   Vector3d P;
   Vector2d residual;
@@ -204,9 +243,7 @@ double WindowAdjustment::residual_sigma(std::span<AdjustedView*> views, const st
   }
   if (lengths_.empty()) return 0;
   constexpr double kRayleighMedian = 1.1774;  // of a length whose two components have sigma 1
-  const auto median = lengths_.begin() + static_cast<std::ptrdiff_t>(lengths_.size() / 2);
-  std::nth_element(lengths_.begin(), median, lengths_.end());
-  return *median / kRayleighMedian;
+  return median(&lengths_) / kRayleighMedian;
 }
 
 }  // namespace vantage

@@ -9,6 +9,7 @@
 #include "onboard/depth/cpu_depth_backend.h"
 #include "onboard/depth/depth_figures.h"
 #include "tests/allocation_watch.h"
+#include "tests/onboard/depth/malloc_watch.h"
 #include "tests/onboard/depth/plane_scene.h"
 
 namespace vantage {
@@ -317,13 +318,23 @@ TEST(DepthFilterTest, RefusesBadFramesAndStaysAsItWas) {
 
 TEST(DepthFilterTest, AFrameTakesNothingFromTheHeap) {
   if (!AllocationWatch::works()) GTEST_SKIP() << "sanitizers replace operator new";
-  Rig rig(false, 1);
-  const PlaneScene scene = wall_and_board();
-  fly(rig, scene, 2);
-  const PosedImage frame = posed(3, photograph(scene, rig.camera, hover(3), 4), hover(3));
-  const AllocationWatch watch;
-  ASSERT_EQ(rig.filter->update(frame), FrameUse::kUsed);
-  EXPECT_EQ(watch.count(), 0);
+  for (const bool refine : {false, true}) {
+    SCOPED_TRACE(testing::Message() << "poses mended " << refine);
+    Rig rig(refine, 1);
+    const PlaneScene scene = wall_and_board();
+    fly(rig, scene, 2);
+    std::vector<PosedImage> frames;
+    for (int i = 3; i <= 15; ++i) {
+      frames.push_back(posed(i, photograph(scene, rig.camera, hover(i), static_cast<std::uint64_t>(i + 1)), hover(i)));
+    }
+    int used = 0;
+    const AllocationWatch watch;
+    const MallocWatch malloc_watch;
+    for (const PosedImage& frame : frames) used += rig.filter->update(frame) == FrameUse::kUsed ? 1 : 0;
+    const std::size_t taken = watch.count() + malloc_watch.count();
+    EXPECT_EQ(taken, 0);
+    EXPECT_EQ(used, 13);
+  }
 }
 
 }  // namespace

@@ -101,6 +101,35 @@ TEST(WindowAdjustmentTest, NeverRaisesTheCost) {
   }
 }
 
+TEST(WindowAdjustmentTest, EvidenceNamesThePriorsErrors) {
+  // Places without noise: where the priors err by e, H e + g = 0, wherever the adjustment ended.
+  for (const double narrow : {1.0, 1e6}) {
+    Problem problem(7);
+    WindowAdjustment adjustment(problem.camera, 0.05, 5);
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal(0, 1e-4);
+    Eigen::VectorXd error(30);
+    for (std::size_t i = 0; i < problem.views.size(); ++i) {
+      Vector6d off;
+      for (int k = 0; k < 6; ++k) off(k) = normal(random);
+      problem.views[i].information = narrow * 1e4 * Eigen::Matrix<double, 6, 6>::Identity();
+      problem.views[i].T = problem.views[i].prior = moved(problem.true_views[i].T, off);
+      error.segment<6>(static_cast<Eigen::Index>(6 * i)) = -off;
+    }
+    problem.corners = problem.truth;
+    for (AdjustedCorner& corner : problem.corners) {
+      corner.prior_sigma = 1e3;
+      corner.inverse += 0.01;
+    }
+    auto views = problem.pointers();
+    adjustment.run(views, problem.corners, 0.1, 20);
+    PoseEvidence evidence;
+    adjustment.weigh(views, &evidence);
+    const Eigen::VectorXd left = evidence.images * error + evidence.gradient;
+    EXPECT_LT(left.norm(), 0.02 * evidence.gradient.norm()) << narrow;
+  }
+}
+
 TEST(WindowAdjustmentTest, CovarianceIsTheSpreadOfTheLastPose) {
   // Places with noise of 0.2 px, many times: the last pose's spread against what is stated.
   Problem clean(6);
