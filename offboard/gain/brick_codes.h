@@ -7,8 +7,8 @@
 
 #include <Eigen/Core>
 
-#include "offboard/mapping/large_pages.h"
 #include "offboard/gain/visit_code.h"
+#include "offboard/mapping/large_pages.h"
 
 namespace vantage {
 

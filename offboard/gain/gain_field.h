@@ -8,8 +8,8 @@
 #include <Eigen/Core>
 
 #include "offboard/gain/brick_codes.h"
-#include "offboard/mapping/large_pages.h"
 #include "offboard/gain/visit_code.h"
+#include "offboard/mapping/large_pages.h"
 #include "offboard/mapping/occupancy_map.h"
 
 namespace vantage {
