@@ -144,6 +144,11 @@ bool PlannerLink::robot_has_gone(PlannerEnd* end) {
       *end = {kExitPeerLost, presence_.peer_message()};
       return true;
     case PeerPhase::kFinished:
+      if (!session_.planning()) {
+        *end = {kExitOk, "the robot has finished: " + presence_.peer_message()};
+        return true;
+      }
+      [[fallthrough]];
     case PeerPhase::kFailed:
       *end = {kExitPeerLost, "the robot has ended: " + presence_.peer_message()};
       break;

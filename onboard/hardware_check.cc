@@ -37,13 +37,7 @@ bool take_frames(FrameSource& source, int count, Frame* frame) {
 }
 
 int check_v4l2(const Rig& rig, const std::string& device) {
-  V4l2CameraOptions options;
-  options.device = device;
-  options.stream.width = rig.camera.width;
-  options.stream.height = rig.camera.height;
-  options.stream.rate_hz = rig.capture.rate_hz;
-  options.stream.settings = {rig.capture.exposure_s, rig.capture.gain, rig.capture.white_balance_k};
-  V4l2Camera camera(options);
+  V4l2Camera camera(v4l2_options(rig, device));
   Frame first, last;
   if (!take_frames(camera, 1, &first) || !take_frames(camera, kFrames, &last)) {
     return fault(device + ": " + (camera.end_reason().empty() ? "no frame came in 5 s" : camera.end_reason()));
@@ -106,6 +100,16 @@ int check_drives(const Rig& rig, const std::string& rig_path, const std::string&
 }
 
 }  // namespace
+
+V4l2CameraOptions v4l2_options(const Rig& rig, const std::string& device) {
+  V4l2CameraOptions options;
+  options.device = device;
+  options.stream.width = rig.camera.width;
+  options.stream.height = rig.camera.height;
+  options.stream.rate_hz = rig.capture.rate_hz;
+  options.stream.settings = {rig.capture.exposure_s, rig.capture.gain, rig.capture.white_balance_k};
+  return options;
+}
 
 int list_cameras() {
   const std::vector<CameraDescription> cameras = find_cameras();

@@ -3,11 +3,15 @@
 #include <string>
 
 #include "calib/rig.h"
+#include "drivers/camera/v4l2_camera.h"
 
 namespace vantage {
 
 /// Prints every camera of this machine with formats, sizes and frame rates. Exit status: 0, also without one.
 int list_cameras();
+
+/// A device that streams and is set as the rig says.
+V4l2CameraOptions v4l2_options(const Rig& rig, const std::string& device);
 
 /// Looks at what is connected and moves nothing. Either name may be empty: it is not looked at.
 ///

@@ -1,5 +1,7 @@
 // vantage-onboard: the robot's program. Camera to depth maps, goals to motion.
 
+#include <numbers>
+
 #include <CLI/CLI.hpp>
 #include <spdlog/spdlog.h>
 
@@ -7,10 +9,14 @@
 #include "calib/program.h"
 #include "calib/rig.h"
 #include "calib/shipped_rig.h"
+#include "drivers/camera/image_folder.h"
+#include "drivers/camera/v4l2_camera.h"
 #include "drivers/robot/camera_carrier.h"
 #include "drivers/sim/sim_camera.h"
 #include "lcmtypes/link/network_link.h"
+#include "onboard/executive/executive.h"
 #include "onboard/executive/stereo_view.h"
+#include "onboard/hand_held_camera.h"
 #include "onboard/hardware_check.h"
 #include "onboard/monocular_depth.h"
 #include "onboard/robot_link.h"
@@ -23,6 +29,7 @@ constexpr std::chrono::seconds kSimulatorPatience{5};
 struct Arguments {
   std::string camera;
   std::string rig;
+  double distance_m = HandHeldOptions{}.distance_m, down_deg = 30, height_m = HandHeldOptions{}.height_m;
   NetworkOptions network;
   double rate_mbit_s = 100;
   std::string spool;
@@ -30,6 +37,23 @@ struct Arguments {
   std::string can = "none";
   bool check = false, list_cameras = false;
 };
+
+enum class CameraKind { kSimulator, kV4l2, kImages };
+
+/// What --camera names.
+struct CameraChoice {
+  CameraKind kind;
+  std::string name;  ///< socket, device or folder
+};
+
+CameraChoice camera_choice(const std::string& camera) {
+  using Prefix = std::pair<std::string_view, CameraKind>;
+  for (const auto& [prefix, kind] : {Prefix{"sim:", CameraKind::kSimulator}, Prefix{"v4l2:", CameraKind::kV4l2},
+                                     Prefix{"images:", CameraKind::kImages}}) {
+    if (camera.starts_with(prefix) && camera.size() > prefix.size()) return {kind, camera.substr(prefix.size())};
+  }
+  throw InputError("--camera " + camera + ": expected v4l2:DEVICE, images:FOLDER, or sim:SOCKET (of vantage-sim)");
+}
 
 class FreeFlyingCarrier final : public CameraCarrier {
  public:
@@ -40,16 +64,6 @@ class FreeFlyingCarrier final : public CameraCarrier {
  private:
   sim::SimCamera& camera_;
 };
-
-std::string socket_of(const std::string& camera) {
-  constexpr std::string_view kSimulator = "sim:";
-  if (!camera.starts_with(kSimulator) || camera.size() == kSimulator.size()) {
-    throw InputError(
-        "--camera " + camera + ": expected sim:SOCKET, the socket that vantage-sim serves" +
-        (camera.starts_with("v4l2:") || camera.starts_with("images:") ? "; others only with --check" : ""));
-  }
-  return camera.substr(kSimulator.size());
-}
 
 void require_same_camera(const Rig& rig, const std::string& rig_path, const sim::SimCamera& camera) {
   const CameraModel& simulated = camera.camera();
@@ -101,58 +115,101 @@ int check(const Arguments& arguments) {
   return check_hardware(load_rig(rig), rig, arguments.camera, can);
 }
 
-int run(const Arguments& arguments) {
-  if (arguments.list_cameras) return list_cameras();
-  if (arguments.check) return check(arguments);
-  if (arguments.rig.empty()) throw InputError("--rig FILE is needed, e.g. calib/rigs/simulated_stereo.yaml");
-  if (arguments.can != "none")
-    throw InputError("--can " + arguments.can + ": drives are only used with --check so far");
+/// Serves the link until there is a reason to end, and says it.
+int serve(const Arguments& arguments, RobotBody& body, const std::function<void(Status::Counters*)>& add_counters) {
   const std::atomic<bool>& interrupted = interrupt_flag();
-  const std::string socket = socket_of(arguments.camera);
-  const Rig rig = load_rig(arguments.rig);
-  if (rig.camera.distortion != Distortion::kNone) {
-    throw InputError(arguments.rig + ": camera: depth needs images without distortion: model pinhole");
-  }
   const SystemClock clock;
   NetworkLink network(arguments.network);
   RobotLinkOptions options;
   options.on_lost_planner = arguments.on_lost_planner;
   options.sender.rate_bit_s = arguments.rate_mbit_s * 1e6;
   options.sender.spool.folder = arguments.spool;
-  Eyes eyes(rig);
-  options.more_counters = [&network, &eyes] {
+  options.more_counters = [&] {
     Status::Counters counters = network.counters();
-    eyes.add_counters(&counters);
+    add_counters(&counters);
     return counters;
   };
+  RobotLink link(network.bus(), clock, body, VANTAGE_VERSION, options);
+  RobotEnd end;
+  while (!link.step(&end)) {
+    if (const auto refused = network.seals_to_tell()) {
+      spdlog::warn("{} messages with a wrong seal so far: somebody has no key, or another one", *refused);
+    }
+    if (!interrupted) continue;
+    end = {kExitOk, "interrupted"};
+    break;
+  }
+  if (end.exit_status != kExitOk || interrupted) {
+    link.say_failed(end.message);
+    if (!interrupted) spdlog::error("{}", end.message);
+  } else {
+    link.say_finished(end.message);
+  }
+  if (end.exit_status == kExitOk) spdlog::info("{}", end.message);
+  return end.exit_status;
+}
+
+int run_simulated(const Arguments& arguments, const CameraChoice& choice, const Rig& rig) {
+  if (rig.camera.distortion != Distortion::kNone) {
+    throw InputError(arguments.rig + ": camera: the simulator's has no distortion: model pinhole");
+  }
+  Eyes eyes(rig);
   using sim::SimCamera;
-  SimCamera camera(socket, kSimulatorPatience,
+  SimCamera camera(choice.name, kSimulatorPatience,
                    rig.stereo_baseline_m > 0 ? SimCamera::Eyes::kBoth : SimCamera::Eyes::kLeft);
   require_same_camera(rig, arguments.rig, camera);
   FreeFlyingCarrier carrier(camera);
-  RobotEnd end;
+  int status = kExitOk;
   {
     Executive executive(camera, carrier, eyes.depth(), {rig.linear_speed_limit_m_s, rig.angular_speed_limit_rad_s});
-    RobotLink link(network.bus(), clock, executive, VANTAGE_VERSION, options);
     spdlog::info("camera {}: {} x {}, {}; waiting for goals", arguments.camera, rig.camera.width, rig.camera.height,
                  rig.stereo_baseline_m > 0 ? "stereo" : "monocular");
-    while (!link.step(&end)) {
-      if (const auto refused = network.seals_to_tell()) {
-        spdlog::warn("{} messages with a wrong seal so far: somebody has no key, or another one", *refused);
-      }
-      if (!interrupted) continue;
-      end = {kExitOk, "interrupted"};
-      break;
-    }
-    if (end.exit_status != kExitOk || interrupted) link.say_failed(end.message);
+    status = serve(arguments, executive, [&eyes](Status::Counters* counters) { eyes.add_counters(counters); });
   }
   camera.goodbye();
-  if (end.exit_status == kExitOk) {
-    spdlog::info("{}", end.message);
-  } else {
-    spdlog::error("{}", end.message);
+  return status;
+}
+
+int run_by_hand(const Arguments& arguments, const CameraChoice& choice, const Rig& rig) {
+  if (rig.stereo_baseline_m > 0) {
+    throw InputError(arguments.rig + ": stereo_baseline: a pair can't be carried by hand; leave it out");
   }
-  return end.exit_status;
+  HandHeldOptions options;
+  options.distance_m = arguments.distance_m;
+  options.down_rad = arguments.down_deg * std::numbers::pi / 180;
+  options.height_m = arguments.height_m;
+  options.every_frame = choice.kind == CameraKind::kImages;
+  std::unique_ptr<FrameSource> source;
+  if (choice.kind == CameraKind::kImages) {
+    source = std::make_unique<ImageFolder>(
+        ImageFolderOptions{.folder = choice.name, .rate_hz = rig.capture.rate_hz, .in_real_time = false});
+  } else {
+    source = std::make_unique<V4l2Camera>(v4l2_options(rig, choice.name));
+  }
+  HandHeldCamera camera(*source, rig, options);
+  spdlog::info("camera {}: {} x {}, carried by hand", arguments.camera, rig.camera.width, rig.camera.height);
+  return serve(arguments, camera, [&camera](Status::Counters* counters) {
+    const HandHeldCamera::Counts counts = camera.counts();
+    const auto add = [counters](const char* name, std::uint64_t value) { counters->emplace_back(name, value); };
+    add("camera.frames", counts.frames);
+    add("tracking.without_pose", counts.without_pose);
+    add("tracking.losses", counts.losses);
+    add("depth.maps", counts.depth_maps);
+    add("depth.frames_passed_over", counts.passed_over);
+    add("depth.maps_given_up", counts.given_up);
+  });
+}
+
+int run(const Arguments& arguments) {
+  if (arguments.list_cameras) return list_cameras();
+  if (arguments.check) return check(arguments);
+  if (arguments.rig.empty()) throw InputError("--rig FILE is needed, e.g. calib/rigs/simulated_stereo.yaml");
+  if (arguments.can != "none")
+    throw InputError("--can " + arguments.can + ": drives are only used with --check so far");
+  const CameraChoice choice = camera_choice(arguments.camera);
+  const Rig rig = load_rig(arguments.rig);
+  return choice.kind == CameraKind::kSimulator ? run_simulated(arguments, choice, rig)
+                                               : run_by_hand(arguments, choice, rig);
 }
 
 }  // namespace
@@ -163,9 +220,19 @@ int main(int argc, char** argv) {
   CLI::App app("The robot's program of Vantage: camera to depth maps, goals to motion.", "vantage-onboard");
   Arguments arguments;
   app.add_option("--camera", arguments.camera,
-                 "sim:SOCKET: the simulator's stereo camera; with --check v4l2:DEVICE or images:FOLDER");
+                 "v4l2:DEVICE or images:FOLDER, carried by hand; sim:SOCKET: the simulator's, on its carrier");
   app.add_option("--rig", arguments.rig,
                  "rig file: camera, baseline, limits, drives (calib/rigs/*.yaml; with --check youbot.yaml)");
+  app.add_option("--distance", arguments.distance_m,
+                 "by hand: metres from the first view to what it looks at; nothing else tells how large things are")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--down", arguments.down_deg, "by hand: degrees by which the first view looks down")
+      ->check(CLI::Range(-89.0, 89.0))
+      ->capture_default_str();
+  app.add_option("--height", arguments.height_m, "by hand: metres above the ground of what the first view looks at")
+      ->check(CLI::Range(-10.0, 10.0))
+      ->capture_default_str();
   app.add_option("--can", arguments.can, "the drives' bus: an interface, sim:SOCKET, or none")->capture_default_str();
   app.add_flag("--check", arguments.check, "look at camera and drives, move nothing, and end");
   app.add_flag("--list-cameras", arguments.list_cameras, "tell cameras, formats and frame rates, and end");

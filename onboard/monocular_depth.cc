@@ -69,7 +69,8 @@ MonocularDepth::MonocularDepth(const Rig& rig, const MonocularDepthOptions& opti
       filter_(rig.camera, filter_options(options), {},
               std::make_unique<CpuDepthBackend>(rig.camera.width, rig.camera.height, filter_options(options), &pool_),
               &pool_),
-      smoother_(rig.camera.width, rig.camera.height, {}, &pool_) {}
+      smoother_(rig.camera.width, rig.camera.height, {}, &pool_),
+      watch_(options.moved_m, options.moved_rad) {}
 
 bool MonocularDepth::fits(const Frame& frame, std::string* why) {
   if (frame.image.width != rig_.camera.width || frame.image.height != rig_.camera.height) {
@@ -153,27 +154,14 @@ bool MonocularDepth::finish(DepthMap* map, std::string* why) {
   map->T_world_camera = key_tracked_ ? tracker_.pose_of(key_result_).value_or(T_world_key_) : mean_of(key_votes_);
   ++counts_.views;
   counts_.views_by_kinematics += key_tracked_ ? 0 : 1;
-  if (key_result_.has_pose) views_.push_back({map->utime, key_result_, map->T_world_camera});
+  if (key_result_.has_pose) watch_.add(map->utime, key_result_, map->T_world_camera);
   key_ = {};
   return true;
 }
 
 std::vector<KeyPose> MonocularDepth::corrections() {
-  std::vector<KeyPose> corrected;
-  if (!trusts(last_)) return corrected;
-  const int piece = tracker_.piece_of(last_);
-  for (View& view : views_) {
-    const std::optional<Eigen::Isometry3d> now = tracker_.pose_of(view.key);
-    if (!now || tracker_.piece_of(view.key) != piece) continue;
-    const Eigen::Isometry3d change = view.T_world_camera.inverse() * *now;
-    if (change.translation().norm() < options_.moved_m &&
-        Eigen::AngleAxisd(change.linear()).angle() < options_.moved_rad) {
-      continue;
-    }
-    view.T_world_camera = *now;
-    corrected.push_back({view.utime, *now});
-  }
-  return corrected;
+  if (!trusts(last_)) return {};
+  return watch_.corrections(&tracker_, tracker_.piece_of(last_), Eigen::Isometry3d::Identity());
 }
 
 }  // namespace vantage

@@ -11,6 +11,7 @@
 #include "onboard/depth/huber_tv.h"
 #include "onboard/depth/worker_pool.h"
 #include "onboard/executive/view_depth.h"
+#include "onboard/key_pose_watch.h"
 #include "onboard/tracking/tracker.h"
 
 namespace vantage {
@@ -64,13 +65,6 @@ class MonocularDepth final : public ViewDepth {
   tracking::TrackingState tracking_state() const { return state_; }
 
  private:
-  /// A view that is finished, and where it was said to stand.
-  struct View {
-    std::int64_t utime = 0;
-    tracking::TrackingResult key;
-    Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
-  };
-
   tracking::TrackingResult track(const Frame& frame);
   bool trusts(const tracking::TrackingResult& result) const;
   Eigen::Matrix<double, 6, 6> kinematics_covariance() const;
@@ -84,7 +78,7 @@ class MonocularDepth final : public ViewDepth {
   MonocularCounts counts_;
   std::atomic<tracking::TrackingState> state_{tracking::TrackingState::kStarting};
   tracking::TrackingResult last_;
-  std::vector<View> views_;
+  KeyPoseWatch watch_;
 
   // Of the view that is being measured.
   Frame key_;

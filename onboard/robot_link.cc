@@ -21,11 +21,11 @@ constexpr std::chrono::milliseconds kKeyPosePeriod{250};
 
 }  // namespace
 
-RobotLink::RobotLink(MessageBus& bus, const Clock& clock, Executive& executive, const std::string& version,
+RobotLink::RobotLink(MessageBus& bus, const Clock& clock, RobotBody& body, const std::string& version,
                      RobotLinkOptions options)
     : bus_(bus),
       clock_(clock),
-      executive_(executive),
+      body_(body),
       options_(std::move(options)),
       presence_(bus, clock, Role::kRobot, version),
       sender_(bus, clock, options_.sender),
@@ -49,11 +49,7 @@ bool RobotLink::step(RobotEnd* end) {
   send_preview();
   status_.step();
   if (clock_.monotonic() - last_state_ >= kStatePeriod) send_state();
-  if (std::string reason; executive_.ended(&reason)) {
-    *end = {kExitPeerLost, reason};
-    return true;
-  }
-  return planner_has_gone(end);
+  return body_has_ended(end) || planner_has_gone(end);
 }
 
 void RobotLink::on_command(const command_t& command) {
@@ -93,7 +89,7 @@ void RobotLink::on_command(const command_t& command) {
 }
 
 void RobotLink::halt(Halt halt) {
-  executive_.hold();
+  body_.hold();
   if (halt_ != halt)
     spdlog::warn("{}: the camera stands still until a resume", halt == Halt::kStopped ? "stop" : "pause");
   halt_ = halt;
@@ -101,16 +97,17 @@ void RobotLink::halt(Halt halt) {
 }
 
 void RobotLink::on_goal(const motion_goal_t& message) {
-  const RobotSnapshot now = executive_.snapshot();
+  const RobotSnapshot now = body_.snapshot();
   if (message.planner == now.planner && message.goal_id <= now.goal_id) return;  // it is sent until it is taken up
   if (halt_ != Halt::kNone) {
     ++refused_goals_;
     return;
   }
   const std::optional<Eigen::Isometry3d> pose = pose_of(message);
-  if (!pose || !executive_.take_goal({message.planner, message.goal_id, message.view_id, *pose})) {
+  std::string why = "its pose is not finite or not a rotation";
+  if (!pose || !body_.take_goal({message.planner, message.goal_id, message.view_id, *pose}, &why)) {
     ++refused_goals_;
-    if (refusals_.due()) spdlog::warn("goal {} refused: its pose is not finite or not a rotation", message.goal_id);
+    if (refusals_.due()) spdlog::warn("goal {} refused: {}", message.goal_id, why);
     return;
   }
   spdlog::info("goal {}: moving to view {}", message.goal_id, message.view_id);
@@ -118,7 +115,7 @@ void RobotLink::on_goal(const motion_goal_t& message) {
 }
 
 void RobotLink::on_trajectory(const trajectory_t& message) {
-  const RobotSnapshot now = executive_.snapshot();
+  const RobotSnapshot now = body_.snapshot();
   if (message.sender == now.planner && message.trajectory_id <= now.goal_id) return;  // it is sent until it is taken up
   const std::optional<std::vector<Eigen::Isometry3d>> way = waypoints_of(message);
   ViewGoal goal{message.sender, message.trajectory_id, -1};
@@ -127,9 +124,10 @@ void RobotLink::on_trajectory(const trajectory_t& message) {
     goal.T_world_camera = way->back();
     goal.via.assign(way->begin(), way->end() - 1);
   }
-  if (halt_ == Halt::kStopped || !way || way->empty() || !executive_.take_goal(goal)) {
+  std::string why = "the robot is stopped, or a waypoint is no pose";
+  if (halt_ == Halt::kStopped || !way || way->empty() || !body_.take_goal(goal, &why)) {
     ++refused_goals_;
-    if (refusals_.due()) spdlog::warn("trajectory refused: the robot is stopped, or a waypoint is no pose");
+    if (refusals_.due()) spdlog::warn("trajectory refused: {}", why);
     return;
   }
   spdlog::info("trajectory of {} waypoints", way->size());
@@ -137,7 +135,7 @@ void RobotLink::on_trajectory(const trajectory_t& message) {
 }
 
 void RobotLink::send_state() {
-  const RobotSnapshot now = executive_.snapshot();
+  const RobotSnapshot now = body_.snapshot();
   robot_state_t state;
   state.utime = clock_.utime();
   state.session = presence_.boot_id();
@@ -152,7 +150,7 @@ void RobotLink::send_state() {
 }
 
 void RobotLink::send_finished_map() {
-  std::optional<DepthMap> map = executive_.fetch_depth_map();
+  std::optional<DepthMap> map = body_.fetch_depth_map();
   if (!map) return;
   map_at_[map->utime] = maps_ + 1;
   // The camera stamps by the monotonic clock; the network's times count from 1970.
@@ -167,7 +165,7 @@ void RobotLink::send_finished_map() {
 
 /// Those that were moved just now, and in turn all that ever were: who missed one, or has just come, hears it then.
 void RobotLink::send_key_poses() {
-  for (const KeyPose& pose : executive_.fetch_corrections()) {
+  for (const KeyPose& pose : body_.fetch_corrections()) {
     const auto map = map_at_.find(pose.utime);
     if (map == map_at_.end()) continue;
     key_poses_[map->second] = pose.T_world_camera;
@@ -191,7 +189,7 @@ void RobotLink::send_key_pose(std::int64_t map_id) {
 
 /// The latest frame, when no depth map waits.
 void RobotLink::send_preview() {
-  if (std::optional<Frame> frame = executive_.fetch_frame()) {
+  if (std::optional<Frame> frame = body_.fetch_frame()) {
     preview_ = preview_of(frame->image);
     preview_->utime = clock_.utime();
     preview_->session = presence_.boot_id();
@@ -207,6 +205,15 @@ void RobotLink::tell_of_planner() {
   if (presence_.peer_boot_id() == known_planner_) return;
   known_planner_ = presence_.peer_boot_id();
   spdlog::info("planner version {} is there", presence_.peer_version());
+}
+
+/// An end that is a good one waits until the planner has every depth map.
+bool RobotLink::body_has_ended(RobotEnd* end) {
+  std::optional<RobotEnd> ended = body_.ended();
+  if (!ended) return false;
+  if (ended->exit_status == kExitOk && sender_.spool().size() > 0 && presence_.peer() != PeerPhase::kLost) return false;
+  *end = std::move(*ended);
+  return true;
 }
 
 bool RobotLink::planner_has_gone(RobotEnd* end) {
@@ -239,7 +246,7 @@ bool RobotLink::planner_has_gone(RobotEnd* end) {
   }
   if (!std::exchange(holding_, true)) {
     spdlog::warn("no heartbeat of the planner for 3 s: the camera stands still");
-    executive_.hold();
+    body_.hold();
   }
   return false;
 }

@@ -17,7 +17,7 @@
 #include "lcmtypes/link/presence.h"
 #include "lcmtypes/link/rare_log.h"
 #include "lcmtypes/link/status.h"
-#include "onboard/executive/executive.h"
+#include "onboard/executive/robot_body.h"
 
 namespace vantage {
 
@@ -33,12 +33,6 @@ struct RobotLinkOptions {
   std::function<Status::Counters()> more_counters = {};  ///< of the program, for its status
 };
 
-/// Why the robot's program ends.
-struct RobotEnd {
-  int exit_status = 0;
-  std::string message;
-};
-
 /// The robot's side of the link: commands in, depth maps and state out, until there is a reason to end.
 ///
 /// A stop and a pause hold the camera where it is; goals are refused until a resume. Paused, it still follows
@@ -46,13 +40,14 @@ struct RobotEnd {
 class RobotLink {
  public:
   /// All must outlive it. \throws InputError when the spool's folder can't be used.
-  RobotLink(MessageBus& bus, const Clock& clock, Executive& executive, const std::string& version,
+  RobotLink(MessageBus& bus, const Clock& clock, RobotBody& body, const std::string& version,
             RobotLinkOptions options = {});
 
   /// One round: receives for up to a millisecond, sends what is due. True, with `end` filled, when it was the last.
   bool step(RobotEnd* end);
 
   /// Tells the planner that the robot ends, and why.
+  void say_finished(const std::string& message) { presence_.say_finished(message); }
   void say_failed(const std::string& message) { presence_.say_failed(message); }
 
   std::int64_t boot_id() const { return presence_.boot_id(); }
@@ -74,12 +69,13 @@ class RobotLink {
   void send_key_pose(std::int64_t map_id);
   void send_preview();
   void tell_of_planner();
+  bool body_has_ended(RobotEnd* end);
   bool planner_has_gone(RobotEnd* end);
   Status::Counters counters() const;
 
   MessageBus& bus_;
   const Clock& clock_;
-  Executive& executive_;
+  RobotBody& body_;
   RobotLinkOptions options_;
   Presence presence_;
   DepthMapSender sender_;

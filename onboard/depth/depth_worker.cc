@@ -16,11 +16,12 @@ DepthWorker::~DepthWorker() {
   thread_.join();
 }
 
-void DepthWorker::offer(PosedImage frame) {
+void DepthWorker::offer(PosedImage frame, bool anew) {
   {
     const std::lock_guard lock(mutex_);
     if (waiting_) ++passed_over_;
     waiting_ = std::move(frame);
+    anew_ = anew_ || anew;
   }
   offered_.notify_one();
 }
@@ -52,6 +53,7 @@ void DepthWorker::run() {
       if (stop_) return;
       frame = std::move(*waiting_);
       waiting_.reset();
+      if (std::exchange(anew_, false)) key.reset();
       busy_ = true;
     }
     const FrameUse use = key ? filter_->update(frame) : filter_->start(frame);

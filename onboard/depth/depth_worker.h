@@ -25,8 +25,9 @@ class DepthWorker {
   /// Finishes the frame that it works on and ends.
   ~DepthWorker();
 
-  /// Never waits. For one thread.
-  void offer(PosedImage frame);
+  /// Never waits. For one thread. `anew`: the world has moved against earlier frames' (a loop was closed); what the key
+  /// frame at hand has learnt is given up, and this frame begins the next.
+  void offer(PosedImage frame, bool anew = false);
 
   /// Waits until no frame is waiting or being worked on.
   void drain();
@@ -42,6 +43,7 @@ class DepthWorker {
   mutable std::mutex mutex_;  ///< guards what follows
   std::condition_variable offered_, idle_;
   std::optional<PosedImage> waiting_;
+  bool anew_ = false;  ///< with the frame that waits, or one that it replaced
   bool busy_ = false;
   bool stop_ = false;
   std::uint64_t passed_over_ = 0, used_ = 0;

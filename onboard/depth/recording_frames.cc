@@ -3,30 +3,11 @@
 #include <cmath>
 
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "calib/files/input_error.h"
 #include "calib/rig.h"
 
 namespace vantage {
-
-/// Where each pixel of the pinhole image lies in the recorded one.
-struct RecordingFrames::Rectification {
-  cv::Mat map_x, map_y;
-
-  Rectification(const CameraModel& lens, const CameraModel& pinhole)
-      : map_x(pinhole.height, pinhole.width, CV_32FC1), map_y(pinhole.height, pinhole.width, CV_32FC1) {
-    for (int y = 0; y < pinhole.height; ++y) {
-      for (int x = 0; x < pinhole.width; ++x) {
-        Eigen::Vector2d pixel(-1, -1);
-        const Eigen::Vector3d ray((x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy, 1);
-        lens.project(ray, &pixel);
-        map_x.at<float>(y, x) = static_cast<float>(pixel.x());
-        map_y.at<float>(y, x) = static_cast<float>(pixel.y());
-      }
-    }
-  }
-};
 
 namespace {
 
@@ -60,10 +41,8 @@ RecordingFrames::RecordingFrames(const std::filesystem::path& folder) : folder_(
                      std::to_string(first.rows) + ", camera.yaml says " + std::to_string(lens.width) + " x " +
                      std::to_string(lens.height));
   }
-  pinhole_ = lens;
-  pinhole_.distortion = Distortion::kNone;
-  pinhole_.coefficients = {};
-  if (lens.distortion != Distortion::kNone) rectification_ = std::make_unique<Rectification>(lens, pinhole_);
+  undistorter_ = std::make_unique<Undistorter>(lens);
+  pinhole_ = undistorter_->pinhole();
 }
 
 RecordingFrames::~RecordingFrames() = default;
@@ -72,21 +51,16 @@ std::optional<PosedImage> RecordingFrames::frame(int index) const {
   const StampedFile& file = images_.at(static_cast<std::size_t>(index));
   const StampedPose* pose = nearest_pose(poses_, file.time_s, kLargestTimeGap_s);
   if (pose == nullptr) return std::nullopt;
-  auto image = std::make_shared<cv::Mat>(read_image(file.path, cv::IMREAD_GRAYSCALE));
-  if (image->cols != pinhole_.width || image->rows != pinhole_.height) {
+  const cv::Mat image = read_image(file.path, cv::IMREAD_GRAYSCALE);
+  if (image.cols != pinhole_.width || image.rows != pinhole_.height) {
     throw InputError(file.path.string() + ": has another size than the recording's first image");
-  }
-  if (rectification_) {
-    cv::Mat straight;
-    cv::remap(*image, straight, rectification_->map_x, rectification_->map_y, cv::INTER_LINEAR);
-    *image = straight;
   }
   PosedImage frame;
   frame.capture_time_ns = std::llround(file.time_s * 1e9);
-  frame.image = {.width = image->cols,
-                 .height = image->rows,
-                 .stride = static_cast<std::ptrdiff_t>(image->step),
-                 .pixels = std::shared_ptr<const std::uint8_t>(image, image->data)};
+  frame.image = undistorter_->undistort({.width = image.cols,
+                                         .height = image.rows,
+                                         .stride = static_cast<std::ptrdiff_t>(image.step),
+                                         .pixels = {image.datastart, [](const std::uint8_t*) {}}});
   frame.T_world_camera = pose->T_world_camera;
   return frame;
 }

@@ -7,6 +7,7 @@
 
 #include "calib/camera_model.h"
 #include "calib/files/trajectory.h"
+#include "drivers/camera/undistorter.h"
 #include "onboard/depth/depth_filter.h"
 
 namespace vantage {
@@ -32,14 +33,12 @@ class RecordingFrames {
   std::vector<float> true_depth(int index) const;
 
  private:
-  struct Rectification;
-
   std::filesystem::path folder_;
   std::vector<StampedFile> images_, depths_;
   std::vector<StampedPose> poses_;
   CameraModel pinhole_;
   double depth_unit_m_ = 0.001;
-  std::unique_ptr<const Rectification> rectification_;  ///< none for a lens without distortion
+  std::unique_ptr<const Undistorter> undistorter_;
 };
 
 }  // namespace vantage

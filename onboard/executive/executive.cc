@@ -40,8 +40,10 @@ Executive::~Executive() {
   thread_.join();
 }
 
-bool Executive::take_goal(const ViewGoal& goal) {
-  if (!is_rigid(goal.T_world_camera) || !std::all_of(goal.via.begin(), goal.via.end(), is_rigid)) return false;
+bool Executive::take_goal(const ViewGoal& goal, std::string* why) {
+  if (!is_rigid(goal.T_world_camera) || !std::all_of(goal.via.begin(), goal.via.end(), is_rigid)) {
+    return *why = "one of its poses is not finite or not a rotation", false;
+  }
   {
     const std::lock_guard lock(mutex_);
     next_goal_ = goal;
@@ -87,10 +89,10 @@ std::vector<KeyPose> Executive::fetch_corrections() {
   return std::exchange(corrections_, {});
 }
 
-bool Executive::ended(std::string* reason) const {
+std::optional<RobotEnd> Executive::ended() const {
   const std::lock_guard lock(mutex_);
-  *reason = end_reason_;
-  return !end_reason_.empty();
+  if (end_reason_.empty()) return std::nullopt;
+  return RobotEnd{kExitPeerLost, end_reason_};
 }
 
 void Executive::end(const std::string& reason) {

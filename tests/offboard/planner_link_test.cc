@@ -147,6 +147,27 @@ TEST_F(PlannerLinkTest, SaysThatTheRobotHasGone) {
   EXPECT_NE(end_.message.find("no heartbeat"), std::string::npos);
 }
 
+TEST_F(PlannerLinkTest, ARobotThatHasFinishedEndsASessionWithoutPlanWell) {
+  robot_.say_finished("all images were shown");
+  EXPECT_TRUE(run(milliseconds(100), false, &end_));
+  EXPECT_EQ(end_.exit_status, kExitPeerLost);  // of a session that plans, it is no good end
+
+  SessionConfig config = PlannerLinkTest::config();
+  config.planning.reset();
+  Session session(config, folder(), true, clock_, terminal_);
+  MemoryBus bus;
+  PlannerLink link(bus, clock_, session, "1");
+  Presence robot(bus, clock_, Role::kRobot, "1");
+  robot.step();
+  EXPECT_FALSE(link.step(&end_));
+  robot.say_finished("all images were shown");
+  bool ended = false;
+  for (int i = 0; i < 10 && !ended; ++i) ended = link.step(&end_);  // a message a round
+  EXPECT_TRUE(ended);
+  EXPECT_EQ(end_.exit_status, kExitOk);
+  EXPECT_EQ(end_.message, "the robot has finished: all images were shown");
+}
+
 TEST_F(PlannerLinkTest, SaysThatNoDepthMapComes) {
   ASSERT_FALSE(run(milliseconds(59'900), true, &end_));
   ASSERT_TRUE(run(milliseconds(400), true, &end_));

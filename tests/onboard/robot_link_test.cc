@@ -13,6 +13,7 @@
 #include "lcmtypes/link/depth_map_receiver.h"
 #include "lcmtypes/link/memory_bus.h"
 #include "lcmtypes/link/waypoints.h"
+#include "onboard/executive/executive.h"
 #include "onboard/executive/stereo_view.h"
 #include "tests/onboard/fake_robot.h"
 

@@ -124,6 +124,25 @@ test_reconstruction_mono() {
   echo "$last"
 }
 
+# --- A camera carried by hand, from a folder of images: every depth map arrives, and both programs end well.
+test_by_hand() {
+  expect_status 0 "$bin/vantage-sim-record" --out "$scratch/walk" --path circle --object "$teapot" --object-size 0.6 \
+    --frames 100
+  sed -e 's/752/640/; s/480/480/; s/448 px/460 px/g; s/375.5/319.5/' "$root/calib/rigs/simulated_mono.yaml" \
+    >"$scratch/camera.yaml"
+  "$bin/vantage-onboard" --camera "images:$scratch/walk/rgb" --rig "$scratch/camera.yaml" --distance 1.48 --down 28 \
+    --height 0.2 >"$scratch/onboard.log" 2>&1 &
+  onboard=$!
+  pids+=("$onboard")
+  expect_status 0 "$bin/vantage-offboard" --no-planning --session "$scratch/session"
+  grep -q 'the robot has finished: .*all 100 images were shown' "$scratch/out.log" || fail "does not say why it ended"
+  expect_end "$onboard" 5 0 vantage-onboard
+  [[ $(tail -n 1 "$scratch/out.log") =~ ^([0-9]+)\ occupied\ voxels\ after\ ([0-9]+)\ depth\ maps$ ]] ||
+    fail "last line is \"$(tail -n 1 "$scratch/out.log")\""
+  ((BASH_REMATCH[1] > 5000 && BASH_REMATCH[2] >= 5)) || fail "$(tail -n 1 "$scratch/out.log"): too few"
+  expect_error 'a pair can'"'"'t be carried by hand' "$bin/vantage-onboard" --camera "images:$scratch/walk/rgb" --rig "$rig"
+}
+
 # --- A file of views instead of the paper's.
 test_views_from_file() {
   printf '0.6 0 0.15 -0.5 -0.5 0.5 0.5\n0 0.6 0.15 0 -0.7071068 0.7071068 0\n' >"$scratch/views.txt"

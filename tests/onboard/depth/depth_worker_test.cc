@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <mutex>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -75,6 +76,32 @@ TEST(DepthWorkerTest, HandsOutEachKeyFrameAndGoesOn) {
   }
   EXPECT_EQ(worker.passed_over(), 0U);
   EXPECT_GE(finished, 2);
+}
+
+TEST(DepthWorkerTest, BeginsAnewWhenTheWorldHasMoved) {
+  const CameraModel camera = small_camera();
+  const PlaneScene scene = wall();
+  WorkerPool pool(1);
+  DepthFilterOptions options;
+  options.refine_poses = false;
+  std::vector<std::int64_t> keys;  // the worker's thread writes, this one reads after drain()
+  DepthWorker worker(std::make_unique<DepthFilter>(
+                         camera, options, KeyFrameOptions{.most_frames = 5},
+                         std::make_unique<CpuDepthBackend>(camera.width, camera.height, options, &pool), &pool),
+                     [&](const DepthFilter& filter, const PosedImage& key) {
+                       EXPECT_EQ(filter.frames(), 5);
+                       keys.push_back(key.capture_time_ns);
+                     });
+  const auto offer = [&](int i, bool anew) {
+    const Eigen::Isometry3d pose = camera_at(0.01 * i, 0, 0);
+    worker.offer(posed(i, photograph(scene, camera, pose, static_cast<std::uint64_t>(i)), pose), anew);
+    worker.drain();
+  };
+  for (int i = 0; i < 4; ++i) offer(i, false);
+  offer(4, true);  // what the first key frame had learnt is never told
+  for (int i = 5; i < 10; ++i) offer(i, false);
+  ASSERT_EQ(keys.size(), 1u);
+  EXPECT_EQ(keys[0], posed(4, {}, camera_at(0, 0, 0)).capture_time_ns);
 }
 
 }  // namespace

@@ -38,12 +38,13 @@ class ExecutiveTest : public testing::Test {
   StereoDepth matcher_{FakeRobot::camera(), FakeRobot::kBaseline_m, {.disparities = 16}};
   StereoView depth_{matcher_};
   FlightLimits limits_{5, 5};
+  std::string why_;
 };
 
 TEST_F(ExecutiveTest, FliesExposesAndHandsOverOnce) {
   Executive executive(robot_, robot_, depth_, limits_);
   EXPECT_EQ(executive.snapshot().activity, RobotActivity::kIdle);
-  ASSERT_TRUE(executive.take_goal(goal_at(3, {0.4, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(3, {0.4, 0, 0}), &why_));
   std::optional<DepthMap> map;
   ASSERT_TRUE(within(milliseconds(5000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
   EXPECT_EQ(map->goal_id, 3);
@@ -58,10 +59,11 @@ TEST_F(ExecutiveTest, FliesExposesAndHandsOverOnce) {
 TEST_F(ExecutiveTest, RefusesAPoseThatIsNotRigid) {
   Executive executive(robot_, robot_, depth_, limits_);
   ViewGoal bad = goal_at(1, {std::nan(""), 0, 0});
-  EXPECT_FALSE(executive.take_goal(bad));
+  EXPECT_FALSE(executive.take_goal(bad, &why_));
+  EXPECT_EQ(why_, "one of its poses is not finite or not a rotation");
   bad = goal_at(1, {0, 0, 0});
   bad.T_world_camera.linear() *= 1.1;
-  EXPECT_FALSE(executive.take_goal(bad));
+  EXPECT_FALSE(executive.take_goal(bad, &why_));
   EXPECT_EQ(executive.snapshot().goal_id, 0);
   EXPECT_TRUE(robot_.path().empty());
 }
@@ -69,9 +71,9 @@ TEST_F(ExecutiveTest, RefusesAPoseThatIsNotRigid) {
 TEST_F(ExecutiveTest, ANewGoalReplacesTheOneUnderWay) {
   limits_ = {0.5, 5};
   Executive executive(robot_, robot_, depth_, limits_);
-  ASSERT_TRUE(executive.take_goal(goal_at(1, {5, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {5, 0, 0}), &why_));
   ASSERT_TRUE(within(milliseconds(5000), [&] { return robot_.path().size() > 5; }));
-  ASSERT_TRUE(executive.take_goal(goal_at(2, {0, 0.1, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(2, {0, 0.1, 0}), &why_));
   std::optional<DepthMap> map;
   ASSERT_TRUE(within(milliseconds(8000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
   EXPECT_EQ(map->goal_id, 2);
@@ -81,7 +83,7 @@ TEST_F(ExecutiveTest, ANewGoalReplacesTheOneUnderWay) {
 TEST_F(ExecutiveTest, HoldStopsWhereItIs) {
   limits_ = {0.5, 5};
   Executive executive(robot_, robot_, depth_, limits_);
-  ASSERT_TRUE(executive.take_goal(goal_at(1, {5, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {5, 0, 0}), &why_));
   ASSERT_TRUE(within(milliseconds(5000), [&] { return robot_.path().size() > 5; }));
   executive.hold();
   std::this_thread::sleep_for(milliseconds(100));
@@ -100,7 +102,7 @@ TEST_F(ExecutiveTest, GoesThroughEveryWaypointInOrderAndDoesNotExposeUnasked) {
   for (const Eigen::Vector3d& position : {Eigen::Vector3d(0.2, 0, 0), Eigen::Vector3d(0, 0.2, 0)}) {
     way.via.emplace_back(Eigen::Translation3d(position));
   }
-  ASSERT_TRUE(executive.take_goal(way));
+  ASSERT_TRUE(executive.take_goal(way, &why_));
   ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == RobotActivity::kIdle; }));
   std::size_t next = 0;
   const std::vector<Eigen::Vector3d> corners = {{0.2, 0, 0}, {0, 0.2, 0}, {0.2, 0.2, 0}};
@@ -112,14 +114,14 @@ TEST_F(ExecutiveTest, GoesThroughEveryWaypointInOrderAndDoesNotExposeUnasked) {
   EXPECT_FALSE(executive.fetch_depth_map());
   EXPECT_EQ(robot_.exposures(), exposures);
   way.via[0].linear() *= 2;
-  EXPECT_FALSE(executive.take_goal(way));
+  EXPECT_FALSE(executive.take_goal(way, &why_));
 }
 
 TEST_F(ExecutiveTest, ADepthMapThatIsNotFetchedIsNotReplaced) {
   Executive executive(robot_, robot_, depth_, limits_);
-  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0}), &why_));
   ASSERT_TRUE(within(milliseconds(5000), [&] { return executive.snapshot().activity == RobotActivity::kIdle; }));
-  ASSERT_TRUE(executive.take_goal(goal_at(2, {0.2, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(2, {0.2, 0, 0}), &why_));
   std::this_thread::sleep_for(milliseconds(200));
   EXPECT_EQ(executive.fetch_depth_map()->goal_id, 1);
   std::optional<DepthMap> map;
@@ -160,7 +162,7 @@ class ThreePlaces final : public ViewDepth {
 TEST_F(ExecutiveTest, MovesAroundTheViewAsTheDepthAsks) {
   ThreePlaces depth(matcher_);
   Executive executive(robot_, robot_, depth, limits_);
-  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.4, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.4, 0, 0}), &why_));
   std::optional<DepthMap> map;
   ASSERT_TRUE(within(milliseconds(5000), [&] { return (map = executive.fetch_depth_map()).has_value(); }));
   EXPECT_EQ(depth.added, 3);
@@ -175,7 +177,7 @@ TEST_F(ExecutiveTest, HandsOverCorrectionsOnce) {
   depth.corrected = {{17, Eigen::Isometry3d(Eigen::Translation3d(1, 2, 3))}};
   Executive executive(robot_, robot_, depth, limits_);
   EXPECT_TRUE(executive.fetch_corrections().empty());
-  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.1, 0, 0}), &why_));
   std::vector<KeyPose> corrections;
   ASSERT_TRUE(within(milliseconds(5000), [&] { return !(corrections = executive.fetch_corrections()).empty(); }));
   ASSERT_EQ(corrections.size(), 1u);
@@ -188,7 +190,7 @@ TEST_F(ExecutiveTest, HoldBreaksOffTheMotionAroundAView) {
   limits_ = {0.2, 5};
   ThreePlaces depth(matcher_);
   Executive executive(robot_, robot_, depth, limits_);
-  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.02, 0, 0})));
+  ASSERT_TRUE(executive.take_goal(goal_at(1, {0.02, 0, 0}), &why_));
   ASSERT_TRUE(within(milliseconds(5000), [&] { return depth.added == 1; }));
   executive.hold();
   std::this_thread::sleep_for(milliseconds(100));
@@ -201,11 +203,11 @@ TEST_F(ExecutiveTest, HoldBreaksOffTheMotionAroundAView) {
 
 TEST_F(ExecutiveTest, SaysWhenTheCameraHasGone) {
   Executive executive(robot_, robot_, depth_, limits_);
-  std::string reason;
-  EXPECT_FALSE(executive.ended(&reason));
+  EXPECT_FALSE(executive.ended());
   robot_.vanish("unplugged");
-  ASSERT_TRUE(within(milliseconds(2000), [&] { return executive.ended(&reason); }));
-  EXPECT_EQ(reason, "unplugged");
+  ASSERT_TRUE(within(milliseconds(2000), [&] { return executive.ended().has_value(); }));
+  EXPECT_EQ(executive.ended()->message, "unplugged");
+  EXPECT_EQ(executive.ended()->exit_status, kExitPeerLost);
 }
 
 TEST_F(ExecutiveTest, DoesNotStartOnACameraOfAnotherSize) {
