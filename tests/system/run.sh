@@ -295,7 +295,10 @@ test_bad_input() {
   expect_error "rear_side_entropy" "${offboard[@]}" --gain best
   [[ ! -e $scratch/session ]] || fail "left a session behind"
 
-  expect_error "sim:SOCKET" "$bin/vantage-onboard" --camera v4l2:/dev/video0 --rig "$rig"
+  local mono=$root/calib/rigs/simulated_mono.yaml
+  expect_error "sim:SOCKET" "$bin/vantage-onboard" --camera /dev/video0 --rig "$mono"
+  expect_error "/dev/no-such-video" "$bin/vantage-onboard" --camera v4l2:/dev/no-such-video --rig "$mono"
+  expect_error "carried by hand" "$bin/vantage-onboard" --camera v4l2:/dev/no-such-video --rig "$rig"
   expect_error "$scratch/none.yaml" "$bin/vantage-onboard" --camera sim:x --rig "$scratch/none.yaml"
   expect_error "--rig FILE is needed" "$bin/vantage-onboard" --camera sim:x
   expect_error "--check needs --camera, --can or both" "$bin/vantage-onboard" --check
