@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "offboard/mapping/ray_walk.h"
@@ -15,34 +16,113 @@ std::size_t index_of(const Region& region, const Eigen::Vector3i& voxel) {
   return v.x() + size.x() * (v.y() + size.y() * v.z());
 }
 
+/// In voxels.
+Eigen::Vector3d centre(const Region& region, std::size_t voxel) {
+  const auto width = static_cast<std::size_t>(region.size_voxels.x()),
+             depth = static_cast<std::size_t>(region.size_voxels.y());
+  return Eigen::Matrix<std::size_t, 3, 1>(voxel % width, voxel / width % depth, voxel / width / depth)
+             .cast<double>()
+             .array() +
+         0.5;
+}
+
 }  // namespace
 
-ExpectedViews::ExpectedViews(const OccupancyMap& map, const ExpectedViewOptions& options)
+ExpectedViews::ExpectedViews(const OccupancyMap& map, std::span<const TakenView> taken,
+                             const ExpectedViewOptions& options)
     : region_(map.region()),
       options_(options),
       surface_(map),
-      prior_(surface_.probability()),
-      sight_(static_cast<std::size_t>(region_.voxel_count())) {}
-
-void ExpectedViews::lessen(std::span<const float> left) {
-  for (std::size_t i = 0; i < prior_.size(); ++i) prior_[i] *= left[i];
+      taken_(taken),
+      sight_(static_cast<std::size_t>(region_.voxel_count())) {
+  enclose();
+  turn_away();
+  list_misses();
 }
 
-/// `camera`: its position, in voxels.
-double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& camera) const {
+void ExpectedViews::enclose() {
+  constexpr double kGroundLayers = 1.5;  // half a voxel of rounding, and what of the ground is taken for surface
+  const double above = (SurfacePrior::kGround_m - region_.min_corner.z()) / region_.resolution_m + kGroundLayers;
+  const int ground_end = static_cast<int>(std::ceil(above));
+  Eigen::Vector3i low = region_.size_voxels, high = Eigen::Vector3i::Constant(-1);
+  std::size_t i = 0;
+  for (int z = 0; z < region_.size_voxels.z(); ++z) {
+    for (int y = 0; y < region_.size_voxels.y(); ++y) {
+      for (int x = 0; x < region_.size_voxels.x(); ++x, ++i) {
+        if (prior()[i] == 0 && !(surface_.kind()[i] == SurfacePrior::kSolid && z >= ground_end)) continue;
+        low = low.cwiseMin(Eigen::Vector3i(x, y, z));
+        high = high.cwiseMax(Eigen::Vector3i(x, y, z));
+      }
+    }
+  }
+  box_min_ = low;
+  box_size_ = (high - low + Eigen::Vector3i::Ones()).cwiseMax(0);
+}
+
+void ExpectedViews::turn_away() {
+  away_.assign(prior().size(), Eigen::Vector3f::Zero());
+  if (taken_.empty()) return;
+  for (std::size_t i = 0; i < away_.size(); ++i) {
+    if (prior()[i] == 0) continue;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    const Eigen::Vector3d at = centre(region_, i);
+    for (const TakenView& view : taken_) sum += (at - region_.to_voxels(view.position)).normalized();
+    away_[i] = (sum / static_cast<double>(taken_.size())).cast<float>();
+  }
+}
+
+void ExpectedViews::list_misses() {
+  first_miss_.assign(prior().size() + 1, 0);
+  const auto each = [&](const auto& use) {
+    for (const TakenView& view : taken_) {
+      for (const ExpectedVoxel& voxel : view.expected) {
+        if (prior()[voxel.voxel] > 0) use(view, voxel);
+      }
+    }
+  };
+  each([&](const TakenView&, const ExpectedVoxel& voxel) { ++first_miss_[voxel.voxel + 1]; });
+  std::partial_sum(first_miss_.begin(), first_miss_.end(), first_miss_.begin());
+  misses_.resize(first_miss_.back());
+  std::vector<std::uint32_t> next(first_miss_.begin(), first_miss_.end() - 1);
+  each([&](const TakenView& view, const ExpectedVoxel& voxel) {
+    const Eigen::Vector3d to_camera = region_.to_voxels(view.position) - centre(region_, voxel.voxel);
+    misses_[next[voxel.voxel]++] = {to_camera.normalized().cast<float>(), voxel.probability};
+  });
+}
+
+double ExpectedViews::not_missed_again(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
+  double share = 1;
+  for (std::uint32_t m = first_miss_[voxel]; m < first_miss_[voxel + 1]; ++m) {
+    const double cosine = to_camera.dot(misses_[m].to_camera.cast<double>());
+    if (cosine > 0) share *= 1 - misses_[m].probability * std::pow(cosine, options_.miss_exponent);
+  }
+  return share;
+}
+
+double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
   const std::array<std::int8_t, 3>& facing = surface_.facing()[voxel];
-  if (facing == std::array<std::int8_t, 3>{}) return options_.detected_unknown;
-  const auto width = static_cast<std::size_t>(region_.size_voxels.x()),
-             depth = static_cast<std::size_t>(region_.size_voxels.y());
-  const Eigen::Vector3d centre =
-      Eigen::Matrix<std::size_t, 3, 1>(voxel % width, voxel / width % depth, voxel / width / depth)
-          .cast<double>()
-          .array() +
-      0.5;
-  const double cosine =
-      Eigen::Vector3d(facing[0], facing[1], facing[2]).dot((camera - centre).normalized()) / SurfacePrior::kFacingUnit;
-  const double slant = 1 - std::clamp(cosine, 0.0, 1.0);
-  return std::max(options_.detected_averted, options_.detected_facing * (1 - std::pow(slant, options_.slant_exponent)));
+  const bool faces = facing != std::array<std::int8_t, 3>{};
+  double share = options_.detected_unknown;
+  if (faces) {
+    const double cosine = Eigen::Vector3d(facing[0], facing[1], facing[2]).dot(to_camera) / SurfacePrior::kFacingUnit;
+    const double slant = 1 - std::clamp(cosine, 0.0, 1.0);
+    share =
+        std::max(options_.detected_averted, options_.detected_facing * (1 - std::pow(slant, options_.slant_exponent)));
+  }
+  const std::size_t hiding = surface_.classes()[voxel] % SurfacePrior::kHidings;
+  const OtherSide& other = options_.other_side[faces ? 1 : 0][hiding];
+  const double cosine = away_[voxel].cast<double>().dot(to_camera);
+  return share * std::exp(other.constant + other.away * cosine + other.above * to_camera.z());
+}
+
+RayBundle ExpectedViews::rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera) const {
+  constexpr double kMostRays = 256;
+  const Eigen::Vector3d middle = box_min_.cast<double>() + 0.5 * box_size_.cast<double>();
+  const double distance = std::max(1.0, (region_.to_voxels(T_world_camera.translation()) - middle).norm());
+  const auto count = [&](int pixels, double focal_px) {
+    return static_cast<int>(std::clamp(std::ceil(pixels * distance / focal_px), 1.0, kMostRays));
+  };
+  return {camera, count(camera.width, camera.fx), count(camera.height, camera.fy)};
 }
 
 std::vector<ExpectedVoxel> ExpectedViews::see(const RayBundle& rays, const Eigen::Isometry3d& T_world_camera) {
@@ -50,25 +130,29 @@ std::vector<ExpectedVoxel> ExpectedViews::see(const RayBundle& rays, const Eigen
   const auto least = static_cast<float>(options_.least_sight);
   const auto opacity = static_cast<float>(options_.opacity);
   std::vector<ExpectedVoxel> seen;
+  if ((box_size_.array() == 0).any()) return seen;
+  const Eigen::Vector3d from = camera - box_min_.cast<double>();
   for (const Eigen::Vector3d& ray : rays.directions()) {
     float sight = 1;
-    walk_ray(camera, T_world_camera.linear() * ray, region_.size_voxels,
-             [&](const Eigen::Vector3i& voxel, double, double) {
-               const std::size_t i = index_of(region_, voxel);
-               const std::uint8_t kind = surface_.kind()[i];
-               if (kind == SurfacePrior::kFree) return true;
-               if (kind == SurfacePrior::kSolid) return false;
-               const float probability = surface_.probability()[i];
-               if (probability > 0) {
-                 if (sight_[i] == 0) seen.push_back({static_cast<std::uint32_t>(i), 0});
-                 sight_[i] = std::max(sight_[i], sight);
-               }
-               sight *= 1 - opacity * probability;
-               return sight >= least;
-             });
+    walk_ray(from, T_world_camera.linear() * ray, box_size_, [&](const Eigen::Vector3i& voxel, double, double) {
+      const std::size_t i = index_of(region_, box_min_ + voxel);
+      const std::uint8_t kind = surface_.kind()[i];
+      if (kind == SurfacePrior::kFree) return true;
+      if (kind == SurfacePrior::kSolid) return false;
+      const float probability = surface_.probability()[i];
+      if (probability > 0) {
+        if (sight_[i] == 0) seen.push_back({static_cast<std::uint32_t>(i), 0});
+        sight_[i] = std::max(sight_[i], sight);
+      }
+      sight *= 1 - opacity * probability;
+      return sight >= least;
+    });
   }
   for (ExpectedVoxel& voxel : seen) {
-    voxel.probability = std::exchange(sight_[voxel.voxel], 0.0F) * static_cast<float>(detected(voxel.voxel, camera));
+    const Eigen::Vector3d to_camera = (camera - centre(region_, voxel.voxel)).normalized();
+    const double sight = static_cast<double>(std::exchange(sight_[voxel.voxel], 0.0F));
+    const double measured = std::min(options_.most_detected, sight * detected(voxel.voxel, to_camera));
+    voxel.probability = static_cast<float>(measured * not_missed_again(voxel.voxel, to_camera));
   }
   return seen;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -18,6 +19,20 @@ struct ExpectedVoxel {
   float probability = 0;    ///< that the view measures the surface in it, if it holds some
 };
 
+/// A view that was taken, and what it was expected to see then (nothing, for a view that nobody chose).
+struct TakenView {
+  Eigen::Vector3d position;  ///< of the camera, world, m
+  std::vector<ExpectedVoxel> expected;
+};
+
+/// By how much surface in a hidden voxel is measured more often from where no view was: times
+/// exp(constant + away * cosine + above * height), with the cosine between the direction to the camera and the mean
+/// direction away from the views taken (times that mean's length: 1 for one view, near 0 for views all around) and the
+/// height of the direction to the camera, -1 to 1.
+struct OtherSide {
+  double constant = 0, away = 0, above = 0;
+};
+
 /// Numbers found with the table of surface_prior.h, in the same runs.
 struct ExpectedViewOptions {
   double opacity = 0.5;       ///< share of the sight that a voxel with surface takes: it fills a part of the voxel
@@ -28,32 +43,57 @@ struct ExpectedViewOptions {
   double slant_exponent = 2.2;    ///< at the cosine c: detected_facing (1 - (1 - c)^slant_exponent), and
   double detected_averted = 0.1;  ///< never less than this, which holds of what faces away
   double detected_unknown = 0.7;  ///< where it is not known which way it faces
+  double most_detected = 0.98;
+  double miss_exponent =
+      8;  ///< what was missed is missed again, times cos^miss_exponent of the angle between the views
+
+  /// What was hidden from the views taken faces away from them, on the whole: their sight ended at a surface, and
+  /// behind it comes the other side. By SurfacePrior's hiding, where free voxels do not tell which way surface faces
+  /// and where they do.
+  std::array<std::array<OtherSide, SurfacePrior::kHidings>, 2> other_side = {
+      {{{{-0.29, 1.00, 0.43}, {-0.16, 0.86, 0.31}, {0.17, 0.19, 0.12}}},
+       {{{0.06, 1.45, -0.05}, {0.04, 1.02, -0.13}, {0.64, 0.62, -0.37}}}}};
 };
 
 /// What views are expected to measure, one voxel at a time. A ray's sight is 1 at first; a voxel that holds surface
 /// with probability P (surface_prior.h) leaves 1 - opacity P of it, an occupied one and the ground nothing. A view
-/// measures a voxel with the largest sight of its rays, times the share that is detected at the angle.
+/// measures a voxel with the largest sight of its rays, times the share that is detected at the angle, times what the
+/// other side of a seen surface is more.
 class ExpectedViews {
  public:
-  ExpectedViews(const OccupancyMap& map, const ExpectedViewOptions& options);
+  /// `taken`: the map's views; must outlive it.
+  ExpectedViews(const OccupancyMap& map, std::span<const TakenView> taken, const ExpectedViewOptions& options = {});
 
-  /// Multiplies the prior by `left`, by voxel: the probability that views already taken would have missed it.
-  void lessen(std::span<const float> left);
+  /// Rays as far apart as voxels are in the middle of what is expected: with a fixed number a view from farther off
+  /// would miss more of the voxels that it sees.
+  RayBundle rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera) const;
 
   /// Each voxel with a prior that the view is expected to see, once.
   std::vector<ExpectedVoxel> see(const RayBundle& rays, const Eigen::Isometry3d& T_world_camera);
 
   /// Probability that it holds surface not yet seen, by voxel.
-  const std::vector<float>& prior() const { return prior_; }
+  const std::vector<float>& prior() const { return surface_.probability(); }
 
  private:
-  double detected(std::size_t voxel, const Eigen::Vector3d& camera) const;
+  void enclose();
+  void turn_away();
+  void list_misses();
+  double detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
+  double not_missed_again(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
 
   Region region_;
   ExpectedViewOptions options_;
   SurfacePrior surface_;
-  std::vector<float> prior_;
-  std::vector<float> sight_;  // scratch, all 0 between calls
+  std::span<const TakenView> taken_;
+  struct Miss {
+    Eigen::Vector3f to_camera;  // unit vector
+    float probability;          // with which it should have been measured
+  };
+  std::vector<std::uint32_t> first_miss_;  // by voxel, and the end
+  std::vector<Miss> misses_;
+  std::vector<Eigen::Vector3f> away_;   // by voxel: mean of the unit vectors away from the views taken
+  Eigen::Vector3i box_min_, box_size_;  // voxels: holds all that is expected or occupied above the ground
+  std::vector<float> sight_;            // scratch, all 0 between calls
 };
 
 }  // namespace vantage

@@ -170,12 +170,7 @@ std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64
   if (method == "oracle") return std::make_unique<OracleChooser>(truth);
   if (method == "combined_learned") return std::make_unique<LearnedChooser>(options);
   if (method == "combined_nearest") return std::make_unique<NearestChooser>(options);
-  if (method == "view_set") {
-    ViewSetOptions set;
-    set.ray_columns = options.ray_columns;
-    set.ray_rows = options.ray_rows;
-    return std::make_unique<ViewSetPlanner>(set);
-  }
+  if (method == "view_set") return std::make_unique<ViewSetPlanner>();
   return std::make_unique<GainChooser>(parse_formulation(method).value(), options);
 }
 

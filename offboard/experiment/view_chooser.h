@@ -58,7 +58,7 @@ std::vector<std::string> parse_methods(const std::vector<std::string>& names, bo
 /// What methods choose with.
 struct ChooserOptions {
   double cost_weight = 1;               ///< >= 0, of the second term of Eq. 11; 0: by gain alone. Not for view_set
-  int ray_columns = 80, ray_rows = 60;  ///< of gain and view_set; these rank views as every pixel would
+  int ray_columns = 80, ray_rows = 60;  ///< of gains; these rank views as every pixel would. Not for view_set
   std::shared_ptr<const LearnedWeights> learned;  ///< for combined_learned and combined_nearest
 };
 

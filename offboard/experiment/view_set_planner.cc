@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <queue>
+#include <utility>
 
 namespace vantage {
 namespace {
@@ -94,21 +95,26 @@ std::vector<std::size_t> SetCover::take_greedily(std::size_t count, double least
 }
 
 std::size_t ViewSetPlanner::choose(const Choice& choice) {
-  ExpectedViews expected(choice.map, options_.expected);
-  if (left_.empty()) left_.assign(expected.prior().size(), 1);
-  expected.lessen(left_);
-  const RayBundle rays(choice.camera, options_.ray_columns, options_.ray_rows);
+  if (taken_.empty()) taken_.push_back({choice.position, {}});
+  ExpectedViews expected(choice.map, taken_, options_.expected);
   std::vector<std::vector<ExpectedVoxel>> views;
-  for (const CandidateView& view : choice.open) views.push_back(expected.see(rays, view.T_world_camera));
+  for (const CandidateView& view : choice.open) {
+    views.push_back(expected.see(expected.rays_for(choice.camera, view.T_world_camera), view.T_world_camera));
+  }
   SetCover cover(views, expected.prior());
   const std::vector<std::size_t> set = cover.take_greedily(options_.set_size, options_.least_share);
-  if (set.empty()) return nearest(choice);  // nothing more to see
+  if (set.empty()) {  // nothing more to see
+    const std::size_t chosen = nearest(choice);
+    taken_.push_back({choice.open[chosen].T_world_camera.translation(), {}});
+    return chosen;
+  }
   cover.clear();
   const double largest_gain = cover.gain(set.front());
   if (first_gain_ == 0) first_gain_ = largest_gain;
-  const double reference = std::pow(first_gain_, options_.hold) * std::pow(largest_gain, 1 - options_.hold);
+  const double held = std::pow(first_gain_, options_.hold) * std::pow(largest_gain, 1 - options_.hold);
+  const double reference = std::max(held, options_.least_reference * first_gain_);
   const std::size_t chosen = best_tour(choice, set, reference, options_, &cover).front();
-  for (const ExpectedVoxel& seen : views[chosen]) left_[seen.voxel] *= 1 - seen.probability;
+  taken_.push_back({choice.open[chosen].T_world_camera.translation(), std::move(views[chosen])});
   return chosen;
 }
 

@@ -1,8 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <span>
-#include <string>
 #include <vector>
 
 #include "offboard/experiment/expected_view.h"
@@ -44,7 +42,7 @@ struct ViewSetOptions {
   double way_weight_per_m = 0.1;  ///< worth of the reference gain, for each metre of way
   double hold = 0.5;  ///< [0, 1]: the reference is the run's first largest gain to this power, times the present one's
                       ///< to the rest: 0 moves as readily for little at the end as for much at the beginning
-  int ray_columns = 80, ray_rows = 60;
+  double least_reference = 0.5;  ///< of the run's first largest gain: for little it stays near
   ExpectedViewOptions expected;
 };
 
@@ -53,9 +51,9 @@ struct ViewSetOptions {
 ///
 /// Among all orders of the greedy set it takes the one with the largest  sum over i of discount^i (gain_i / reference -
 /// way_weight * length_i),  gain_i what the i-th view adds to those before it, length_i the way to it: a short tour,
-/// and what is worth most first. What a view that was taken should have measured and did not, another will hardly
-/// measure either: its prior is lessened by the probability that the view saw it. Deterministic; ties go to the order
-/// that comes first by view id. For one run: it keeps what was seen.
+/// and what is worth most first. It tells ExpectedViews which views it took, and what they should have measured: that
+/// decides which way hidden surface faces, and what is missed again. Deterministic; ties go to the order that comes
+/// first by view id. For one run.
 class ViewSetPlanner : public ViewChooser {
  public:
   explicit ViewSetPlanner(const ViewSetOptions& options = {}) : options_(options) {}
@@ -63,7 +61,7 @@ class ViewSetPlanner : public ViewChooser {
 
  private:
   ViewSetOptions options_;
-  std::vector<float> left_;  // by voxel: the probability that no view taken would have measured it
+  std::vector<TakenView> taken_;
   double first_gain_ = 0;
 };
 

@@ -83,8 +83,15 @@ TEST_F(BehindAWall, SightEndsAtTheWall) {
   EXPECT_TRUE(expected.see(axis_, at(-0.3)).empty());
 }
 
+/// Without what the other side is more.
+ExpectedViewOptions either_side() {
+  ExpectedViewOptions options;
+  options.other_side = {};
+  return options;
+}
+
 TEST_F(BehindAWall, SightFallsByWhatEachVoxelProbablyHolds) {
-  ExpectedViews expected(map_, {});
+  ExpectedViews expected(map_, {}, either_side());
   const SurfacePrior surface(map_);
   const std::vector<ExpectedVoxel> seen = expected.see(axis_, at(0.5));
   ASSERT_EQ(seen.size(), 9U);  // 19 to 11: all behind the wall, up to it
@@ -108,7 +115,7 @@ TEST_F(BehindAWall, WhatFacesTheCameraIsMeasuredAndWhatTurnsAwayIsNot) {
     }
   }
   const auto probability = [&](const Eigen::Vector3d& from) {
-    ExpectedViews expected(map_, {});
+    ExpectedViews expected(map_, {}, either_side());
     const std::vector<ExpectedVoxel> seen = expected.see(axis_, look_at(from, {0.115, 0.105, 0.105}));
     return seen.empty() ? -1.0 : static_cast<double>(seen.front().probability);
   };
@@ -116,6 +123,52 @@ TEST_F(BehindAWall, WhatFacesTheCameraIsMeasuredAndWhatTurnsAwayIsNot) {
   EXPECT_NEAR(probability({0.6, 0.105, 0.105}), options.detected_facing, 1e-3);
   const double slant = probability({0.115 + 0.3, 0.105 + 0.4, 0.105});  // at the cosine 0.6
   EXPECT_NEAR(slant, options.detected_facing * (1 - std::pow(0.4, options.slant_exponent)), 0.02);
+}
+
+TEST_F(BehindAWall, WhatIsHiddenBehindAWallFacesAwayFromWhoSawTheWall) {
+  const std::vector<TakenView> taken{{{-0.4, 0.105, 0.105}, {}}};
+  ExpectedViews expected(map_, taken);
+  const auto first = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& target) {
+    const std::vector<ExpectedVoxel> seen = expected.see(axis_, look_at(from, target));
+    return seen.empty() ? -1.0 : static_cast<double>(seen.front().probability);
+  };
+  const double behind = first({0.6, 0.105, 0.105}, {0.155, 0.105, 0.105});
+  const double side = first({0.155, 0.6, 0.105}, {0.155, 0.105, 0.105});
+  EXPECT_GT(side, 0);
+  EXPECT_GT(behind, 1.5 * side);
+}
+
+TEST_F(BehindAWall, WhatWasMissedIsMissedFromNearThereAndNotFromElsewhere) {
+  const std::uint32_t voxel = 19 + 20 * (10 + 20 * 10);
+  const std::vector<TakenView> taken{{{0.6, 0.105, 0.105}, {{voxel, 0.8F}}}};
+  ExpectedViews before(map_, {}, either_side()), after(map_, taken, either_side());
+  const auto share_left = [&](const Eigen::Vector3d& from) {
+    const Eigen::Isometry3d T_world_camera = look_at(from, {0.195, 0.105, 0.105});
+    const auto of = [&](ExpectedViews* views) {
+      for (const ExpectedVoxel& seen : views->see(axis_, T_world_camera)) {
+        if (seen.voxel == voxel) return static_cast<double>(seen.probability);
+      }
+      return 0.0;
+    };
+    return of(&after) / of(&before);
+  };
+  EXPECT_NEAR(share_left({0.6, 0.105, 0.105}), 0.2, 1e-3) << "from the same place";
+  EXPECT_NEAR(share_left({0.195, 0.6, 0.105}), 1, 1e-3) << "at a right angle";
+  const double between = share_left({0.495, 0.405, 0.105});
+  EXPECT_GT(between, 0.9) << "at 45 degrees";
+  EXPECT_LT(between, 1);
+}
+
+TEST_F(BehindAWall, AViewFromFartherOffSeesNoFewerVoxels) {
+  const CameraModel camera{752, 480, 450, 450, 375.5, 239.5, Distortion::kNone, {}};
+  ExpectedViews expected(map_, {});
+  for (const double x : {0.6, 1.0, 1.4}) {
+    const std::vector<ExpectedVoxel> seen = expected.see(expected.rays_for(camera, at(x)), at(x));
+    const auto of_the_last_layer = std::count_if(seen.begin(), seen.end(), [](const ExpectedVoxel& voxel) {
+      return voxel.voxel % 20 == 19 && voxel.voxel / 400 > 0;  // without the ground
+    });
+    EXPECT_EQ(of_the_last_layer, 19 * 20) << x;
+  }
 }
 
 TEST_F(BehindAWall, SurfaceIsExpectedBehindWhatWasSeenAndNotInTheGround) {
