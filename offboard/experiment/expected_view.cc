@@ -99,30 +99,35 @@ double ExpectedViews::not_missed_again(std::size_t voxel, const Eigen::Vector3d&
   return share;
 }
 
+Bearing ExpectedViews::bearing(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
+  const bool faces = surface_.facing()[voxel] != std::array<std::int8_t, 3>{};
+  return {faces ? 1U : 0U, std::size_t{surface_.classes()[voxel]} % SurfacePrior::kHidings,
+          away_[voxel].cast<double>().dot(to_camera), to_camera.z()};
+}
+
 double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
-  const std::array<std::int8_t, 3>& facing = surface_.facing()[voxel];
-  const bool faces = facing != std::array<std::int8_t, 3>{};
+  const Bearing at = bearing(voxel, to_camera);
   double share = options_.detected_unknown;
-  if (faces) {
+  if (at.faces == 1) {
+    const std::array<std::int8_t, 3>& facing = surface_.facing()[voxel];
     const double cosine = Eigen::Vector3d(facing[0], facing[1], facing[2]).dot(to_camera) / SurfacePrior::kFacingUnit;
     const double slant = 1 - std::clamp(cosine, 0.0, 1.0);
     share =
         std::max(options_.detected_averted, options_.detected_facing * (1 - std::pow(slant, options_.slant_exponent)));
   }
-  const std::size_t hiding = surface_.classes()[voxel] % SurfacePrior::kHidings;
-  const OtherSide& other = options_.other_side[faces ? 1 : 0][hiding];
-  const double cosine = away_[voxel].cast<double>().dot(to_camera);
-  return share * std::exp(other.constant + other.away * cosine + other.above * to_camera.z());
+  const OtherSide& other = options_.other_side[at.faces][at.hiding];
+  return share * std::exp(other.constant + other.away * at.away + other.above * at.above);
 }
 
-RayBundle ExpectedViews::rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera) const {
+const RayBundle& ExpectedViews::rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera) {
   constexpr double kMostRays = 256;
   const Eigen::Vector3d middle = box_min_.cast<double>() + 0.5 * box_size_.cast<double>();
   const double distance = std::max(1.0, (region_.to_voxels(T_world_camera.translation()) - middle).norm());
   const auto count = [&](int pixels, double focal_px) {
     return static_cast<int>(std::clamp(std::ceil(pixels * distance / focal_px), 1.0, kMostRays));
   };
-  return {camera, count(camera.width, camera.fx), count(camera.height, camera.fy)};
+  const std::pair<int, int> size{count(camera.width, camera.fx), count(camera.height, camera.fy)};
+  return rays_.try_emplace(size, camera, size.first, size.second).first->second;
 }
 
 std::vector<ExpectedVoxel> ExpectedViews::see(const RayBundle& rays, const Eigen::Isometry3d& T_world_camera) {

@@ -2,7 +2,9 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -33,6 +35,13 @@ struct OtherSide {
   double constant = 0, away = 0, above = 0;
 };
 
+/// What OtherSide goes by.
+struct Bearing {
+  std::size_t faces = 0;   ///< 1 where free voxels tell which way surface faces
+  std::size_t hiding = 0;  ///< SurfacePrior's
+  double away = 0, above = 0;
+};
+
 /// Numbers found with the table of surface_prior.h, in the same runs.
 struct ExpectedViewOptions {
   double opacity = 0.5;       ///< share of the sight that a voxel with surface takes: it fills a part of the voxel
@@ -44,8 +53,7 @@ struct ExpectedViewOptions {
   double detected_averted = 0.1;  ///< never less than this, which holds of what faces away
   double detected_unknown = 0.7;  ///< where it is not known which way it faces
   double most_detected = 0.98;
-  double miss_exponent =
-      8;  ///< what was missed is missed again, times cos^miss_exponent of the angle between the views
+  double miss_exponent = 8;  ///< what was missed is missed again, times cos^miss_exponent of the views' angle
 
   /// What was hidden from the views taken faces away from them, on the whole: their sight ended at a surface, and
   /// behind it comes the other side. By SurfacePrior's hiding, where free voxels do not tell which way surface faces
@@ -65,11 +73,14 @@ class ExpectedViews {
   ExpectedViews(const OccupancyMap& map, std::span<const TakenView> taken, const ExpectedViewOptions& options = {});
 
   /// Rays as far apart as voxels are in the middle of what is expected: with a fixed number a view from farther off
-  /// would miss more of the voxels that it sees.
-  RayBundle rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera) const;
+  /// would miss more of the voxels that it sees. Kept for the next view as far off. \pre always the same camera
+  const RayBundle& rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera);
 
   /// Each voxel with a prior that the view is expected to see, once.
   std::vector<ExpectedVoxel> see(const RayBundle& rays, const Eigen::Isometry3d& T_world_camera);
+
+  /// Of an unknown voxel with a prior. `to_camera`: unit vector.
+  Bearing bearing(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
 
   /// Probability that it holds surface not yet seen, by voxel.
   const std::vector<float>& prior() const { return surface_.probability(); }
@@ -91,9 +102,10 @@ class ExpectedViews {
   };
   std::vector<std::uint32_t> first_miss_;  // by voxel, and the end
   std::vector<Miss> misses_;
-  std::vector<Eigen::Vector3f> away_;   // by voxel: mean of the unit vectors away from the views taken
-  Eigen::Vector3i box_min_, box_size_;  // voxels: holds all that is expected or occupied above the ground
-  std::vector<float> sight_;            // scratch, all 0 between calls
+  std::vector<Eigen::Vector3f> away_;              // by voxel: mean of the unit vectors away from the views taken
+  Eigen::Vector3i box_min_, box_size_;             // voxels: holds all that is expected or occupied above the ground
+  std::map<std::pair<int, int>, RayBundle> rays_;  // by columns and rows
+  std::vector<float> sight_;                       // scratch, all 0 between calls
 };
 
 }  // namespace vantage

@@ -15,6 +15,7 @@
 #include "calib/files/input_error.h"
 #include "calib/program.h"
 #include "offboard/experiment/experiment.h"
+#include "offboard/experiment/other_side_count.h"
 #include "offboard/experiment/procedural_shape.h"
 #include "offboard/experiment/report.h"
 #include "offboard/experiment/tune.h"
@@ -22,6 +23,7 @@
 namespace vantage {
 namespace {
 
+constexpr int kCountedViews = 10;
 constexpr int kTunedViews = 12;  // area_2_12 looks no further
 
 std::atomic<bool> interrupted = false;  // set by the signal handler alone
@@ -149,6 +151,30 @@ int tune(const Arguments& arguments) {
   return kExitOk;
 }
 
+int count(const Arguments& arguments) {
+  OtherSideCountOptions options;
+  options.run = options_of(arguments);
+  options.run.views = kCountedViews;
+  options.seeds = arguments.seeds;
+  options.threads = threads_of(arguments);
+  options.cache = arguments.cache;
+  const std::vector<ExperimentObject> objects = load_objects(arguments.objects, arguments.models);
+  const std::optional<OtherSideCount> counted = count_other_sides(objects, options, interrupted, std::cerr);
+  if (!counted) {
+    fmt::print(stderr, "vantage-experiment: interrupted\n");
+    return kExitFailure;
+  }
+  fmt::print("facing,hiding,constant,away,above\n");
+  const OtherSides sides = counted->fit();
+  for (std::size_t faces = 0; faces < sides.size(); ++faces) {
+    for (std::size_t hiding = 0; hiding < sides[faces].size(); ++hiding) {
+      const OtherSide& side = sides[faces][hiding];
+      fmt::print("{},{},{:.2f},{:.2f},{:.2f}\n", faces, hiding, side.constant, side.away, side.above);
+    }
+  }
+  return kExitOk;
+}
+
 int write_shapes(const Arguments& arguments) {
   std::error_code error;
   std::filesystem::create_directories(arguments.out, error);
@@ -222,6 +248,16 @@ CLI::App* declare_tune(CLI::App* app, Arguments* arguments) {
   return command;
 }
 
+CLI::App* declare_count(CLI::App* app, Arguments* arguments) {
+  CLI::App* command = app->add_subcommand("count", "count on objects which sides of what was seen views find");
+  declare_scene(command, arguments);
+  command->add_option("--seeds", arguments->seeds, "seeds 1 to K of each object")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  command->add_option("--cache", arguments->cache, "folder of rendered views, to share (default: in memory)");
+  return command;
+}
+
 CLI::App* declare_shapes(CLI::App* app, Arguments* arguments) {
   CLI::App* command = app->add_subcommand("shapes", "write procedural objects as shape-N.ply");
   command->add_option("--first", arguments->first_shape, "number of the first")
@@ -247,6 +283,7 @@ int main(int argc, char** argv) {
   merge_command->add_option("parts", arguments.parts, "folders of the shards")->required();
   declare_out(merge_command, "folder of the experiment", &arguments);
   const CLI::App* tune_command = declare_tune(&app, &arguments);
+  const CLI::App* count_command = declare_count(&app, &arguments);
   declare_shapes(&app, &arguments);
   try {
     app.parse(argc, argv);
@@ -260,6 +297,7 @@ int main(int argc, char** argv) {
   return run_program("vantage-experiment", [&] {
     if (*run_command) return run(arguments);
     if (*tune_command) return tune(arguments);
+    if (*count_command) return count(arguments);
     return *merge_command ? merge(arguments) : write_shapes(arguments);
   });
 }

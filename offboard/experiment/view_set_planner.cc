@@ -56,14 +56,16 @@ double SetCover::gain(std::size_t view) const {
 }
 
 void SetCover::take(std::size_t view) {
+  taken_.push_back(view);
   for (const ExpectedVoxel& seen : views_[view]) open_[seen.voxel] *= 1 - seen.probability;
 }
 
 void SetCover::clear() {
-  // What no view sees was never changed.
-  for (const std::vector<ExpectedVoxel>& view : views_) {
-    for (const ExpectedVoxel& seen : view) open_[seen.voxel] = prior_[seen.voxel];
+  // What no taken view sees was never changed.
+  for (const std::size_t view : taken_) {
+    for (const ExpectedVoxel& seen : views_[view]) open_[seen.voxel] = prior_[seen.voxel];
   }
+  taken_.clear();
 }
 
 std::vector<std::size_t> SetCover::take_greedily(std::size_t count, double least_share) {

@@ -33,6 +33,7 @@ class SetCover {
   const std::vector<std::vector<ExpectedVoxel>>& views_;
   const std::vector<float>& prior_;
   std::vector<float> open_;  // by voxel: prior times the probability that no view taken sees it
+  std::vector<std::size_t> taken_;
 };
 
 struct ViewSetOptions {
