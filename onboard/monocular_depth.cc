@@ -1,5 +1,6 @@
 #include "onboard/monocular_depth.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <numbers>
@@ -10,6 +11,8 @@
 
 namespace vantage {
 namespace {
+
+constexpr double kLeastShiftShare = 0.002, kLeastTurn_rad = 0.001;
 
 const MonocularDepthOptions& checked(const MonocularDepthOptions& options) {
   if (std::string why; !options.valid(&why)) throw std::invalid_argument("MonocularDepth: " + why);
@@ -26,6 +29,16 @@ DepthFilterOptions filter_options(const MonocularDepthOptions& options) {
   DepthFilterOptions filter;
   filter.converged_relative_sigma = options.sure_share;
   return filter;
+}
+
+/// The tracker's covariance knows the noise of its points alone: with the map's own errors it is no less than this. The
+/// depth filter takes it for an upper bound and judges what there really is.
+Eigen::Matrix<double, 6, 6> tracked_covariance(const tracking::TrackingResult& result) {
+  const double shift_m = kLeastShiftShare * result.median_distance_m;
+  Eigen::Matrix<double, 6, 6> covariance = result.covariance;
+  covariance.diagonal().head<3>().array() += shift_m * shift_m;
+  covariance.diagonal().tail<3>().array() += kLeastTurn_rad * kLeastTurn_rad;
+  return covariance;
 }
 
 /// Mean of poses that differ little.
@@ -111,10 +124,12 @@ void MonocularDepth::begin(const Frame& key) {
   key_result_ = track(key);
   key_tracked_ = trusts(key_result_);
   T_world_key_ = key_tracked_ ? key_result_.T_world_camera : key.T_world_camera.value_or(Eigen::Isometry3d::Identity());
-  key_use_ = filter_.start(
-      {key.capture_time_ns, key.image, T_world_key_, key_tracked_ ? key_result_.covariance : kinematics_covariance()});
-  const bool knows_distance = key_result_.has_pose && key_result_.median_distance_m > 0;
-  radius_m_ = options_.reach * (knows_distance ? key_result_.median_distance_m : options_.distance_m);
+  key_use_ = filter_.start({key.capture_time_ns, key.image, T_world_key_,
+                            key_tracked_ ? tracked_covariance(key_result_) : kinematics_covariance()});
+  // What is near is what is looked at; of the room behind it there may be more points.
+  const double nearest_m =
+      key_tracked_ && key_result_.nearest_distance_m > 0 ? key_result_.nearest_distance_m : options_.distance_m;
+  radius_m_ = options_.reach * std::clamp(nearest_m, options_.distance_m / 2, 2 * options_.distance_m);
   place_ = 0;
   key_votes_ = {T_world_key_};
 }
@@ -143,7 +158,7 @@ void MonocularDepth::add(const Frame& frame) {
   const std::optional<Eigen::Isometry3d> T_world_key = tracker_.pose_of(key_result_);
   if (!T_world_key) return;
   filter_.update({frame.capture_time_ns, frame.image, T_world_key_ * T_world_key->inverse() * result.T_world_camera,
-                  result.covariance});
+                  tracked_covariance(result)});
 }
 
 bool MonocularDepth::finish(DepthMap* map, std::string* why) {

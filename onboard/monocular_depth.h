@@ -18,10 +18,11 @@ namespace vantage {
 
 struct MonocularDepthOptions {
   /// Of the small motion around a view: a spiral in the image plane, outwards from the view.
-  double reach = 0.12;      ///< its radius, of the scene's median distance: 0.12 is 54 px of parallax at f = 448 px
-  double turns = 2.5;       ///< in so many turns
-  int frames = 40;          ///< at so many places; fewer when the depth filter has had enough
-  double distance_m = 0.7;  ///< of the scene, until the tracker knows better
+  double reach = 0.15;  ///< its radius, of the nearest things' distance: 0.15 is 67 px of parallax at f = 448 px
+  double turns = 2.5;   ///< in so many turns
+  int frames = 40;      ///< at so many places; fewer when the depth filter has had enough
+  double distance_m =
+      0.6;  ///< of the nearest things, until the tracker knows better; it is believed from half to twice that
   double unit_share =
       0.005;  ///< the tracker's unit of length must be known to this share of itself for its poses to count
   double moved_m = 0.001, moved_rad = 0.002;  ///< a key frame's correction by less is not told

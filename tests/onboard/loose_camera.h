@@ -77,7 +77,7 @@ class LooseCamera {
 /// How good a map is, where the truth lies within 3 m.
 struct Quality {
   double measured = 0;      ///< share of the pixels
-  double right = 0;         ///< of those measured, within 3 %
+  double right = 0;         ///< of those measured, within 3 % or three of the map's sigmas
   double median_error = 0;  ///< relative
   double off_m = 0, off_rad = 0;
 };
@@ -91,7 +91,7 @@ inline Quality quality_of(const DepthMap& map, const LooseCamera& camera, const 
     ++known;
     if (map.state[i] != DepthState::kConverged) continue;
     errors.push_back(std::abs(static_cast<double>(map.depth_m[i]) / static_cast<double>(truth[i]) - 1));
-    right += errors.back() < 0.03;
+    right += errors.back() < std::max(0.03, 3 * static_cast<double>(map.sigma_m[i]) / static_cast<double>(truth[i]));
   }
   Quality quality;
   const auto count = static_cast<double>(errors.size());
