@@ -18,12 +18,10 @@ std::size_t index_of(const Region& region, const Eigen::Vector3i& voxel) {
 
 /// In voxels.
 Eigen::Vector3d centre(const Region& region, std::size_t voxel) {
-  const auto width = static_cast<std::size_t>(region.size_voxels.x()),
-             depth = static_cast<std::size_t>(region.size_voxels.y());
-  return Eigen::Matrix<std::size_t, 3, 1>(voxel % width, voxel / width % depth, voxel / width / depth)
-             .cast<double>()
-             .array() +
-         0.5;
+  const auto i = static_cast<std::uint32_t>(voxel), width = static_cast<std::uint32_t>(region.size_voxels.x()),
+             depth = static_cast<std::uint32_t>(region.size_voxels.y());
+  const std::uint32_t row = i / width, layer = row / depth;
+  return {i - row * width + 0.5, row - layer * depth + 0.5, layer + 0.5};
 }
 
 }  // namespace
@@ -111,9 +109,11 @@ double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_came
   if (at.faces == 1) {
     const std::array<std::int8_t, 3>& facing = surface_.facing()[voxel];
     const double cosine = Eigen::Vector3d(facing[0], facing[1], facing[2]).dot(to_camera) / SurfacePrior::kFacingUnit;
-    const double slant = 1 - std::clamp(cosine, 0.0, 1.0);
-    share =
-        std::max(options_.detected_averted, options_.detected_facing * (1 - std::pow(slant, options_.slant_exponent)));
+    share = options_.detected_averted;
+    if (cosine > 0) {
+      const double slant = 1 - std::min(cosine, 1.0);
+      share = std::max(share, options_.detected_facing * (1 - std::pow(slant, options_.slant_exponent)));
+    }
   }
   const OtherSide& other = options_.other_side[at.faces][at.hiding];
   return share * std::exp(other.constant + other.away * at.away + other.above * at.above);

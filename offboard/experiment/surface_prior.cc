@@ -120,9 +120,12 @@ void SurfacePrior::spread(const Region& region) {
         const std::ptrdiff_t at_index = index(to.voxel);
         const auto i = static_cast<std::size_t>(at_index);
         if (reached[i] != 0) continue;
-        double squared = 0;
-        for (std::size_t k = 0; k < 3; ++k) squared += std::pow(to.voxel[k] - to.source[k], 2);
-        const double distance = std::sqrt(squared);
+        int squared = 0;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const int apart = to.voxel[k] - to.source[k];
+          squared += apart * apart;
+        }
+        const double distance = std::sqrt(static_cast<double>(squared));
         if (distance > farthest) continue;
         reached[i] = 1;
         next.push_back(to);
