@@ -1,7 +1,9 @@
 // The simulator renders through the lens and without it: both must come to the same.
 #include "drivers/camera/undistorter.h"
 
+#include <array>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -22,10 +24,20 @@ GreyImage photograph(const sim::Renderer& renderer, const CameraModel& camera) {
   return {camera.width, camera.height, camera.width, {pixels, pixels->data()}};
 }
 
-class UndistorterTest : public testing::TestWithParam<CameraModel> {};
+constexpr CameraModel kSmall{320, 240, 230, 230, 159.5, 119.5, Distortion::kNone, {}};
+
+CameraModel lens_named(const std::string& name) {
+  CameraModel camera = kSmall;
+  camera.distortion = name == "radtan" ? Distortion::kRadTan : Distortion::kEquidistant;
+  camera.coefficients =
+      name == "radtan" ? std::array{-0.3, 0.1, 0.001, -0.002, 0.0} : std::array{0.02, -0.01, 0.003, 0.0, 0.0};
+  return camera;
+}
+
+class UndistorterTest : public testing::TestWithParam<std::string> {};
 
 TEST_P(UndistorterTest, GivesWhatAPinholeWouldHaveSeen) {
-  const CameraModel lens = GetParam();
+  const CameraModel lens = lens_named(GetParam());
   const Undistorter undistorter(lens);
   EXPECT_EQ(undistorter.pinhole().distortion, Distortion::kNone);
   EXPECT_EQ(undistorter.pinhole().fx, lens.fx);
@@ -54,18 +66,7 @@ TEST_P(UndistorterTest, GivesWhatAPinholeWouldHaveSeen) {
   EXPECT_GT(difference(bent), 4);
 }
 
-constexpr CameraModel kSmall{320, 240, 230, 230, 159.5, 119.5, Distortion::kNone, {}};
-
-CameraModel with(Distortion distortion, std::array<double, 5> coefficients) {
-  CameraModel camera = kSmall;
-  camera.distortion = distortion;
-  camera.coefficients = coefficients;
-  return camera;
-}
-
-INSTANTIATE_TEST_SUITE_P(Lenses, UndistorterTest,
-                         testing::Values(with(Distortion::kRadTan, {-0.3, 0.1, 0.001, -0.002, 0}),
-                                         with(Distortion::kEquidistant, {0.02, -0.01, 0.003, 0, 0})));
+INSTANTIATE_TEST_SUITE_P(Lenses, UndistorterTest, testing::Values("radtan", "equidistant"));
 
 TEST(Undistorter, CopiesWhatNeedsNoMending) {
   const sim::Renderer renderer(sim::boxes_room(1));
