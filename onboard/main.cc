@@ -139,13 +139,16 @@ int serve(const Arguments& arguments, RobotBody& body, const std::function<void(
     end = {kExitOk, "interrupted"};
     break;
   }
-  if (end.exit_status != kExitOk || interrupted) {
-    link.say_failed(end.message);
-    if (!interrupted) spdlog::error("{}", end.message);
-  } else {
+  if (end.exit_status == kExitOk && !interrupted) {
     link.say_finished(end.message);
+  } else {
+    link.say_failed(end.message);
   }
-  if (end.exit_status == kExitOk) spdlog::info("{}", end.message);
+  if (end.exit_status == kExitOk) {
+    spdlog::info("{}", end.message);
+  } else {
+    spdlog::error("{}", end.message);
+  }
   return end.exit_status;
 }
 

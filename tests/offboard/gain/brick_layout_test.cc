@@ -11,6 +11,7 @@
 #include "offboard/gain/cast_kernel.h"
 #include "offboard/gain/gain_evaluator.h"
 #include "tests/offboard/gain/random_maps.h"
+#include "tests/offboard/gain/ray_sums.h"
 #include "tests/offboard/mapping/analytic_scene.h"
 
 namespace vantage {
@@ -57,18 +58,6 @@ int cube_at(const FieldView& view, const Eigen::Vector3i& v) {
   return (code & view.table->octet_bit()) != 0 ? 2 : 1;
 }
 
-void expect_same(const RaySums& sums, const RaySums& expected) {
-  EXPECT_EQ(sums.visits, expected.visits);
-  EXPECT_EQ(sums.ends_occupied, expected.ends_occupied);
-  EXPECT_EQ(sums.ends_occplane, expected.ends_occplane);
-  EXPECT_EQ(sums.rear_side_voxels, expected.rear_side_voxels);
-  EXPECT_EQ(sums.proximity_steps, expected.proximity_steps);
-  EXPECT_NEAR(sums.entropy, expected.entropy, 1e-5 * expected.entropy);
-  EXPECT_NEAR(sums.occlusion_aware, expected.occlusion_aware, 1e-5 * expected.occlusion_aware);
-  EXPECT_NEAR(sums.unobserved_voxel, expected.unobserved_voxel, 1e-5 * expected.unobserved_voxel);
-  EXPECT_NEAR(sums.rear_side_entropy, expected.rear_side_entropy, 1e-5 * expected.rear_side_entropy + 1e-30);
-}
-
 /// Every kernel in bricks against the scalar one, voxel by voxel in the flat layout.
 void expect_bricks_equal_voxels(const OccupancyMap& map, const RayBundle& rays,
                                 const std::vector<Eigen::Isometry3d>& poses) {
@@ -83,7 +72,7 @@ void expect_bricks_equal_voxels(const OccupancyMap& map, const RayBundle& rays,
     const auto gains = GainEvaluator(rays, options).evaluate(map, bricks, poses);
     for (std::size_t view = 0; view < poses.size(); ++view) {
       SCOPED_TRACE("view " + std::to_string(view));
-      expect_same(gains[view].sums, expected[view].sums);
+      expect_equal_counts_and_near_sums(gains[view].sums, expected[view].sums);
     }
   }
 }
