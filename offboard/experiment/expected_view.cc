@@ -26,13 +26,18 @@ Eigen::Vector3d centre(const Region& region, std::size_t voxel) {
 
 }  // namespace
 
-ExpectedViews::ExpectedViews(const OccupancyMap& map, std::span<const TakenView> taken,
+ExpectedViews::ExpectedViews(const OccupancyMap& map, std::span<const float> surface, std::span<const TakenView> taken,
                              const ExpectedViewOptions& options)
     : region_(map.region()),
       options_(options),
-      surface_(map),
+      surroundings_(map, surface),
+      prior_(surface.begin(), surface.end()),
       taken_(taken),
       sight_(static_cast<std::size_t>(region_.voxel_count())) {
+  constexpr float kMostProbable = 0.9F;
+  for (std::size_t i = 0; i < prior_.size(); ++i) {
+    prior_[i] = surroundings_.hiding()[i] == VoxelSurroundings::kFar ? 0 : std::min(kMostProbable, prior_[i]);
+  }
   enclose();
   turn_away();
   list_misses();
@@ -40,14 +45,14 @@ ExpectedViews::ExpectedViews(const OccupancyMap& map, std::span<const TakenView>
 
 void ExpectedViews::enclose() {
   constexpr double kGroundLayers = 1.5;  // half a voxel of rounding, and what of the ground is taken for surface
-  const double above = (SurfacePrior::kGround_m - region_.min_corner.z()) / region_.resolution_m + kGroundLayers;
+  const double above = (VoxelSurroundings::kGround_m - region_.min_corner.z()) / region_.resolution_m + kGroundLayers;
   const int ground_end = static_cast<int>(std::ceil(above));
   Eigen::Vector3i low = region_.size_voxels, high = Eigen::Vector3i::Constant(-1);
   std::size_t i = 0;
   for (int z = 0; z < region_.size_voxels.z(); ++z) {
     for (int y = 0; y < region_.size_voxels.y(); ++y) {
       for (int x = 0; x < region_.size_voxels.x(); ++x, ++i) {
-        if (prior()[i] == 0 && !(surface_.kind()[i] == SurfacePrior::kSolid && z >= ground_end)) continue;
+        if (prior()[i] == 0 && !(surroundings_.kind()[i] == VoxelSurroundings::kSolid && z >= ground_end)) continue;
         low = low.cwiseMin(Eigen::Vector3i(x, y, z));
         high = high.cwiseMax(Eigen::Vector3i(x, y, z));
       }
@@ -98,17 +103,18 @@ double ExpectedViews::not_missed_again(std::size_t voxel, const Eigen::Vector3d&
 }
 
 Bearing ExpectedViews::bearing(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
-  const bool faces = surface_.facing()[voxel] != std::array<std::int8_t, 3>{};
-  return {faces ? 1U : 0U, std::size_t{surface_.classes()[voxel]} % SurfacePrior::kHidings,
-          away_[voxel].cast<double>().dot(to_camera), to_camera.z()};
+  const bool faces = surroundings_.facing()[voxel] != std::array<std::int8_t, 3>{};
+  return {faces ? 1U : 0U, std::size_t{surroundings_.hiding()[voxel]}, away_[voxel].cast<double>().dot(to_camera),
+          to_camera.z()};
 }
 
 double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
   const Bearing at = bearing(voxel, to_camera);
   double share = options_.detected_unknown;
   if (at.faces == 1) {
-    const std::array<std::int8_t, 3>& facing = surface_.facing()[voxel];
-    const double cosine = Eigen::Vector3d(facing[0], facing[1], facing[2]).dot(to_camera) / SurfacePrior::kFacingUnit;
+    const std::array<std::int8_t, 3>& facing = surroundings_.facing()[voxel];
+    const double cosine =
+        Eigen::Vector3d(facing[0], facing[1], facing[2]).dot(to_camera) / VoxelSurroundings::kFacingUnit;
     share = options_.detected_averted;
     if (cosine > 0) {
       const double slant = 1 - std::min(cosine, 1.0);
@@ -141,10 +147,10 @@ std::vector<ExpectedVoxel> ExpectedViews::see(const RayBundle& rays, const Eigen
     float sight = 1;
     walk_ray(from, T_world_camera.linear() * ray, box_size_, [&](const Eigen::Vector3i& voxel, double, double) {
       const std::size_t i = index_of(region_, box_min_ + voxel);
-      const std::uint8_t kind = surface_.kind()[i];
-      if (kind == SurfacePrior::kFree) return true;
-      if (kind == SurfacePrior::kSolid) return false;
-      const float probability = surface_.probability()[i];
+      const std::uint8_t kind = surroundings_.kind()[i];
+      if (kind == VoxelSurroundings::kFree) return true;
+      if (kind == VoxelSurroundings::kSolid) return false;
+      const float probability = prior_[i];
       if (probability > 0) {
         if (sight_[i] == 0) seen.push_back({static_cast<std::uint32_t>(i), 0});
         sight_[i] = std::max(sight_[i], sight);

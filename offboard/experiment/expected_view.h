@@ -9,7 +9,7 @@
 
 #include <Eigen/Geometry>
 
-#include "offboard/experiment/surface_prior.h"
+#include "offboard/experiment/voxel_surroundings.h"
 #include "offboard/gain/ray_bundle.h"
 #include "offboard/mapping/occupancy_map.h"
 
@@ -38,11 +38,11 @@ struct OtherSide {
 /// What OtherSide goes by.
 struct Bearing {
   std::size_t faces = 0;   ///< 1 where free voxels tell which way surface faces
-  std::size_t hiding = 0;  ///< SurfacePrior's
+  std::size_t hiding = 0;  ///< VoxelSurroundings::Hiding
   double away = 0, above = 0;
 };
 
-/// Numbers found with the table of surface_prior.h, in the same runs.
+/// Numbers found in runs on procedural objects (docs/experiment.md).
 struct ExpectedViewOptions {
   double opacity = 0.5;       ///< share of the sight that a voxel with surface takes: it fills a part of the voxel
   double least_sight = 0.05;  ///< a ray ends when less is left
@@ -56,21 +56,24 @@ struct ExpectedViewOptions {
   double miss_exponent = 8;  ///< what was missed is missed again, times cos^miss_exponent of the views' angle
 
   /// What was hidden from the views taken faces away from them, on the whole: their sight ended at a surface, and
-  /// behind it comes the other side. By SurfacePrior's hiding, where free voxels do not tell which way surface faces
-  /// and where they do.
-  std::array<std::array<OtherSide, SurfacePrior::kHidings>, 2> other_side = {
+  /// behind it comes the other side. By VoxelSurroundings' hiding, where free voxels do not tell which way surface
+  /// faces and where they do.
+  std::array<std::array<OtherSide, VoxelSurroundings::kHidings>, 2> other_side = {
       {{{{-0.29, 1.00, 0.43}, {-0.16, 0.86, 0.31}, {0.17, 0.19, 0.12}}},
        {{{0.06, 1.45, -0.05}, {0.04, 1.02, -0.13}, {0.64, 0.62, -0.37}}}}};
 };
 
 /// What views are expected to measure, one voxel at a time. A ray's sight is 1 at first; a voxel that holds surface
-/// with probability P (surface_prior.h) leaves 1 - opacity P of it, an occupied one and the ground nothing. A view
+/// with probability P leaves 1 - opacity P of it, an occupied one and the ground nothing. A view
 /// measures a voxel with the largest sight of its rays, times the share that is detected at the angle, times what the
 /// other side of a seen surface is more.
 class ExpectedViews {
  public:
-  /// `taken`: the map's views; must outlive it.
-  ExpectedViews(const OccupancyMap& map, std::span<const TakenView> taken, const ExpectedViewOptions& options = {});
+  /// `surface`: how much is expected in each voxel that is not measured yet, 1 as in a mean voxel with surface
+  /// (surface_network.h). It counts in unknown voxels near occupied ones, as a probability. `taken`: the map's views;
+  /// must outlive it.
+  ExpectedViews(const OccupancyMap& map, std::span<const float> surface, std::span<const TakenView> taken,
+                const ExpectedViewOptions& options = {});
 
   /// Rays as far apart as voxels are in the middle of what is expected: with a fixed number a view from farther off
   /// would miss more of the voxels that it sees. Kept for the next view as far off. \pre always the same camera
@@ -82,8 +85,8 @@ class ExpectedViews {
   /// Of an unknown voxel with a prior. `to_camera`: unit vector.
   Bearing bearing(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
 
-  /// Probability that it holds surface not yet seen, by voxel.
-  const std::vector<float>& prior() const { return surface_.probability(); }
+  /// Probability that it holds surface not yet measured, by voxel.
+  const std::vector<float>& prior() const { return prior_; }
 
  private:
   void enclose();
@@ -94,7 +97,8 @@ class ExpectedViews {
 
   Region region_;
   ExpectedViewOptions options_;
-  SurfacePrior surface_;
+  VoxelSurroundings surroundings_;
+  std::vector<float> prior_;
   std::span<const TakenView> taken_;
   struct Miss {
     Eigen::Vector3f to_camera;  // unit vector

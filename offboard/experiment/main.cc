@@ -15,6 +15,7 @@
 #include "calib/files/input_error.h"
 #include "calib/program.h"
 #include "offboard/experiment/experiment.h"
+#include "offboard/experiment/learning_states.h"
 #include "offboard/experiment/other_side_count.h"
 #include "offboard/experiment/procedural_shape.h"
 #include "offboard/experiment/report.h"
@@ -175,6 +176,19 @@ int count(const Arguments& arguments) {
   return kExitOk;
 }
 
+int write_states(const Arguments& arguments) {
+  LearningStatesOptions options;
+  options.run = options_of(arguments);
+  options.run.views = kTunedViews;
+  options.seeds = arguments.seeds;
+  options.threads = threads_of(arguments);
+  options.cache = arguments.cache;
+  const std::vector<ExperimentObject> objects = load_objects(arguments.objects, arguments.models);
+  if (write_learning_states(objects, options, arguments.out, interrupted, std::cout)) return kExitOk;
+  fmt::print(stderr, "vantage-experiment: interrupted\n");
+  return kExitFailure;
+}
+
 int write_shapes(const Arguments& arguments) {
   std::error_code error;
   std::filesystem::create_directories(arguments.out, error);
@@ -258,6 +272,18 @@ CLI::App* declare_count(CLI::App* app, Arguments* arguments) {
   return command;
 }
 
+CLI::App* declare_states(CLI::App* app, Arguments* arguments) {
+  CLI::App* command =
+      app->add_subcommand("states", "write what maps of objects knew, for the surface network to learn");
+  declare_scene(command, arguments);
+  command->add_option("--seeds", arguments->seeds, "seeds 1 to K of each object")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  command->add_option("--cache", arguments->cache, "folder of rendered views, to share (default: in memory)");
+  command->add_option("--out", arguments->out, "folder")->required();
+  return command;
+}
+
 CLI::App* declare_shapes(CLI::App* app, Arguments* arguments) {
   CLI::App* command = app->add_subcommand("shapes", "write procedural objects as shape-N.ply");
   command->add_option("--first", arguments->first_shape, "number of the first")
@@ -284,6 +310,7 @@ int main(int argc, char** argv) {
   declare_out(merge_command, "folder of the experiment", &arguments);
   const CLI::App* tune_command = declare_tune(&app, &arguments);
   const CLI::App* count_command = declare_count(&app, &arguments);
+  const CLI::App* states_command = declare_states(&app, &arguments);
   declare_shapes(&app, &arguments);
   try {
     app.parse(argc, argv);
@@ -298,6 +325,7 @@ int main(int argc, char** argv) {
     if (*run_command) return run(arguments);
     if (*tune_command) return tune(arguments);
     if (*count_command) return count(arguments);
+    if (*states_command) return write_states(arguments);
     return *merge_command ? merge(arguments) : write_shapes(arguments);
   });
 }

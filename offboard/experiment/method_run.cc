@@ -102,7 +102,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
   const std::unique_ptr<ViewChooser> chooser = make_chooser(method, scene.seed(), truth.by_view, options.choosing);
   std::vector<CandidateView> open = scene.candidates();
   std::vector<std::int64_t> visited;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  std::vector<Eigen::Isometry3d> poses;
   CameraModel camera;
   double motion_m = 0;
 
@@ -113,7 +113,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
     StopWatch watch;
     const std::size_t chosen =
         visited.empty() ? static_cast<std::size_t>(first_view_of_seed(scene.seed(), scene.candidates().size()))
-                        : chooser->choose({volume.map(), camera, open, visited, position});
+                        : chooser->choose({volume.map(), camera, open, visited, poses});
     const CandidateView view = open[chosen];
     step.choose_s = watch.lap_s();
 
@@ -131,13 +131,13 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
     step.view_id = view.id;
     step.coverage = coverage.share();
     step.entropy_nats = volume.map().entropy_nats();
-    if (!visited.empty()) motion_m += (view.T_world_camera.translation() - position).norm();
+    if (!visited.empty()) motion_m += (view.T_world_camera.translation() - poses.back().translation()).norm();
     step.motion_m = motion_m;
     step.measure_s = watch.lap_s();
     run.steps.push_back(step);
 
     camera = map.camera;
-    position = view.T_world_camera.translation();
+    poses.push_back(view.T_world_camera);
     visited.push_back(view.id);
     open.erase(open.begin() + static_cast<std::ptrdiff_t>(chosen));
   }

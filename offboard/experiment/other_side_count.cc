@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "offboard/experiment/run_store.h"
+#include "offboard/experiment/surface_network.h"
 #include "offboard/experiment/view_set_planner.h"
 #include "offboard/planning/volume.h"
 #include "offboard/session/session_config.h"
@@ -64,10 +65,12 @@ OtherSideCount count_scene(const SceneViews& scene, const SceneTruth& truth, con
   const SurfaceVoxels surface(truth.surface, session.region);
   ExpectedViewOptions either_side;
   either_side.other_side = {};
+  const Eigen::Vector3d focus = focus_of(scene.candidates(), Eigen::Vector3d::Zero());
   OtherSideCount count;
   ViewSetPlanner planner;
   std::vector<CandidateView> open = scene.candidates();
   std::vector<std::int64_t> visited;
+  std::vector<Eigen::Isometry3d> poses;
   std::vector<TakenView> taken;
   Bits covered(truth.by_view.covered.front().size());
   auto next = static_cast<std::size_t>(first_view_of_seed(scene.seed(), open.size()));
@@ -81,10 +84,13 @@ OtherSideCount count_scene(const SceneViews& scene, const SceneTruth& truth, con
     for (std::size_t w = 0; w < covered.size(); ++w) covered[w] |= truth.by_view.covered[place][w];
     open.erase(open.begin() + static_cast<std::ptrdiff_t>(next));
     visited.push_back(view.id);
+    poses.push_back(view.T_world_camera);
     taken.push_back({view.T_world_camera.translation(), std::move(promised)});
 
-    next = planner.choose({volume.map(), depth.camera, open, visited, view.T_world_camera.translation()});
-    ExpectedViews expected(volume.map(), taken, either_side);
+    next = planner.choose({volume.map(), depth.camera, open, visited, poses});
+    const std::vector<float> expected_surface =
+        expect_surface(SurfaceNetwork::built_in(), volume.map(), depth.camera, poses, focus);
+    ExpectedViews expected(volume.map(), expected_surface, taken, either_side);
     for (std::size_t i = 0; i < open.size(); ++i) {
       const Eigen::Isometry3d& pose = open[i].T_world_camera;
       std::vector<ExpectedVoxel> seen = expected.see(expected.rays_for(depth.camera, pose), pose);
@@ -99,7 +105,7 @@ OtherSideCount count_scene(const SceneViews& scene, const SceneTruth& truth, con
 }  // namespace
 
 void OtherSideCount::add(const Bearing& bearing, double expected, double found) {
-  const std::size_t kind = bearing.faces * SurfacePrior::kHidings + bearing.hiding;
+  const std::size_t kind = bearing.faces * VoxelSurroundings::kHidings + bearing.hiding;
   const auto away = static_cast<std::size_t>(bin_of(bearing.away, -1, kAwayBins)),
              above = static_cast<std::size_t>(bin_of(bearing.above, kLeastAbove, kAboveBins));
   Bin& bin = bins_[(kind * kAwayBins + away) * kAboveBins + above];
@@ -119,7 +125,7 @@ OtherSides OtherSideCount::fit(double least_expected) const {
   constexpr double kLongestStep = 0.5, kRidge = 1e-3;
   constexpr std::size_t kBins = std::size_t{kAwayBins} * kAboveBins;
   OtherSides sides{};
-  for (std::size_t kind = 0; kind < 2 * SurfacePrior::kHidings; ++kind) {
+  for (std::size_t kind = 0; kind < 2 * VoxelSurroundings::kHidings; ++kind) {
     double all = 0;
     for (std::size_t b = 0; b < kBins; ++b) all += bins_[kind * kBins + b].expected;
     if (all < least_expected) continue;
@@ -138,7 +144,7 @@ OtherSides OtherSideCount::fit(double least_expected) const {
       const Eigen::Vector3d step = hessian.ldlt().solve(gradient);
       w += step.cwiseMax(-kLongestStep).cwiseMin(kLongestStep);
     }
-    sides[kind / SurfacePrior::kHidings][kind % SurfacePrior::kHidings] = {w[0], w[1], w[2]};
+    sides[kind / VoxelSurroundings::kHidings][kind % VoxelSurroundings::kHidings] = {w[0], w[1], w[2]};
   }
   return sides;
 }

@@ -12,7 +12,7 @@
 
 namespace vantage {
 
-using OtherSides = std::array<std::array<OtherSide, SurfacePrior::kHidings>, 2>;
+using OtherSides = std::array<std::array<OtherSide, VoxelSurroundings::kHidings>, 2>;
 
 /// What views were expected to measure without OtherSide, and what they measured, by OtherSide's bearing in bins.
 class OtherSideCount {
@@ -30,7 +30,7 @@ class OtherSideCount {
   struct Bin {
     double expected = 0, found = 0;
   };
-  std::array<Bin, std::size_t{2} * SurfacePrior::kHidings * kAwayBins * kAboveBins> bins_{};
+  std::array<Bin, std::size_t{2} * VoxelSurroundings::kHidings * kAwayBins * kAboveBins> bins_{};
 };
 
 struct OtherSideCountOptions {

@@ -37,7 +37,7 @@ class GainChooser : public ViewChooser {
     for (const ViewGain& gain : evaluate_views(choice.map, rays, poses, gain_options_)) {
       gains.push_back(gain[formulation_]);
     }
-    return choose_by_utility(choice.open, choice.position, gains, options_.cost_weight);
+    return choose_by_utility(choice.open, choice.position(), gains, options_.cost_weight);
   }
 
  protected:
@@ -99,7 +99,7 @@ class OracleChooser : public ViewChooser {
       const std::vector<std::uint64_t>& view = covered_by(choice.open[i].id);
       int gain = 0;
       for (std::size_t w = 0; w < covered.size(); ++w) gain += std::popcount(view[w] & ~covered[w]);
-      scores.push_back({choice.open[i].id, 0, distance(choice.open[i], choice.position), static_cast<double>(gain)});
+      scores.push_back({choice.open[i].id, 0, distance(choice.open[i], choice.position()), static_cast<double>(gain)});
     }
     return *next_best_view(scores);
   }

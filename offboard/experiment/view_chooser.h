@@ -15,11 +15,13 @@ namespace vantage {
 
 /// What a method may know when it chooses.
 struct Choice {
-  const OccupancyMap& map;                ///< of all views taken
-  const CameraModel& camera;              ///< of the depth maps
-  std::span<const CandidateView> open;    ///< not visited yet, by id; at least one
-  std::span<const std::int64_t> visited;  ///< ids in order; at least one
-  Eigen::Vector3d position;               ///< of the camera, world, m
+  const OccupancyMap& map;                   ///< of all views taken
+  const CameraModel& camera;                 ///< of the depth maps
+  std::span<const CandidateView> open;       ///< not visited yet, by id; at least one
+  std::span<const std::int64_t> visited;     ///< ids in order; at least one
+  std::span<const Eigen::Isometry3d> poses;  ///< of the visited views, T_world_camera
+  /// Of the camera, world, m.
+  Eigen::Vector3d position() const { return poses.back().translation(); }
 };
 
 /// A way to choose the next view. One object serves one run.

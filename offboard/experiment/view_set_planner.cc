@@ -6,6 +6,8 @@
 #include <queue>
 #include <utility>
 
+#include "offboard/experiment/surface_network.h"
+
 namespace vantage {
 namespace {
 
@@ -18,7 +20,7 @@ std::vector<std::size_t> best_tour(const Choice& choice, std::vector<std::size_t
   do {
     cover->clear();
     double worth = 0, discount = 1;
-    Eigen::Vector3d at = choice.position;
+    Eigen::Vector3d at = choice.position();
     for (const std::size_t view : set) {
       const Eigen::Vector3d position = choice.open[view].T_world_camera.translation();
       worth += discount * (cover->gain(view) / reference - options.way_weight_per_m * (position - at).norm());
@@ -36,7 +38,7 @@ std::vector<std::size_t> best_tour(const Choice& choice, std::vector<std::size_t
 
 std::size_t nearest(const Choice& choice) {
   const auto distance = [&](const CandidateView& view) {
-    return (view.T_world_camera.translation() - choice.position).norm();
+    return (view.T_world_camera.translation() - choice.position()).norm();
   };
   const auto found =
       std::min_element(choice.open.begin(), choice.open.end(),
@@ -97,8 +99,14 @@ std::vector<std::size_t> SetCover::take_greedily(std::size_t count, double least
 }
 
 std::size_t ViewSetPlanner::choose(const Choice& choice) {
-  if (taken_.empty()) taken_.push_back({choice.position, {}});
-  ExpectedViews expected(choice.map, taken_, options_.expected);
+  const Region& region = choice.map.region();
+  if (!focus_) {
+    focus_ = focus_of(choice.open, region.center(region.size_voxels / 2));
+    taken_.push_back({choice.position(), {}});
+  }
+  const std::vector<float> surface =
+      expect_surface(SurfaceNetwork::built_in(), choice.map, choice.camera, choice.poses, *focus_);
+  ExpectedViews expected(choice.map, surface, taken_, options_.expected);
   std::vector<std::vector<ExpectedVoxel>> views;
   for (const CandidateView& view : choice.open) {
     views.push_back(expected.see(expected.rays_for(choice.camera, view.T_world_camera), view.T_world_camera));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "offboard/experiment/expected_view.h"
@@ -48,7 +49,8 @@ struct ViewSetOptions {
 };
 
 /// Looks further than one view: plans the next views as a set with a tour through it, goes to the tour's first view,
-/// and plans again with what was seen there.
+/// and plans again with what was seen there. What is there to be seen, SurfaceNetwork expects; what views would see of
+/// it, ExpectedViews.
 ///
 /// Among all orders of the greedy set it takes the one with the largest  sum over i of discount^i (gain_i / reference -
 /// way_weight * length_i),  gain_i what the i-th view adds to those before it, length_i the way to it: a short tour,
@@ -63,6 +65,7 @@ class ViewSetPlanner : public ViewChooser {
  private:
   ViewSetOptions options_;
   std::vector<TakenView> taken_;
+  std::optional<Eigen::Vector3d> focus_;  // of the views, known at the first choice
   double first_gain_ = 0;
 };
 

@@ -40,8 +40,9 @@ class Chooser : public testing::Test {
     for (const CandidateView& view : views_) {
       if (std::find(visited.begin(), visited.end(), view.id) == visited.end()) open.push_back(view);
     }
-    const Eigen::Vector3d position = views_[static_cast<std::size_t>(visited.back())].T_world_camera.translation();
-    return open[chooser.choose({map_, camera_, open, visited, position})].id;
+    std::vector<Eigen::Isometry3d> poses;
+    for (const std::int64_t id : visited) poses.push_back(views_[static_cast<std::size_t>(id)].T_world_camera);
+    return open[chooser.choose({map_, camera_, open, visited, poses})].id;
   }
 
   std::vector<CandidateView> views_ = cylinder_views();

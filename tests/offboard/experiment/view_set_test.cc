@@ -1,8 +1,8 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <random>
-#include <set>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -63,6 +63,8 @@ TEST(SetCover, LazyGreedyTakesWhatPlainGreedyTakes) {
 /// A wall of occupied voxels at x = 10 of a 20-voxel cube; behind it nothing is observed, before it all is free.
 class BehindAWall : public testing::Test {
  protected:
+  static constexpr float kSurface = 0.1F;
+
   BehindAWall() : map_(Region{{0, 0, 0}, {20, 20, 20}, 0.01}) {
     for (int z = 0; z < 20; ++z) {
       for (int y = 0; y < 20; ++y) {
@@ -73,26 +75,25 @@ class BehindAWall : public testing::Test {
     }
     map_.set_has_marks(true);
   }
+  /// Without what the other side is more.
+  static ExpectedViewOptions either_side() {
+    ExpectedViewOptions options;
+    options.other_side = {};
+    return options;
+  }
   static Eigen::Isometry3d at(double x) { return look_at({x, 0.105, 0.105}, {0.105, 0.105, 0.105}); }
   OccupancyMap map_;
+  std::vector<float> surface_ = std::vector<float>(8000, kSurface);  // the same expected everywhere
   RayBundle axis_{std::vector<Eigen::Vector3d>{Eigen::Vector3d::UnitZ()}};
 };
 
 TEST_F(BehindAWall, SightEndsAtTheWall) {
-  ExpectedViews expected(map_, {});
+  ExpectedViews expected(map_, surface_, {});
   EXPECT_TRUE(expected.see(axis_, at(-0.3)).empty());
 }
 
-/// Without what the other side is more.
-ExpectedViewOptions either_side() {
-  ExpectedViewOptions options;
-  options.other_side = {};
-  return options;
-}
-
 TEST_F(BehindAWall, SightFallsByWhatEachVoxelProbablyHolds) {
-  ExpectedViews expected(map_, {}, either_side());
-  const SurfacePrior surface(map_);
+  ExpectedViews expected(map_, surface_, {}, either_side());
   const std::vector<ExpectedVoxel> seen = expected.see(axis_, at(0.5));
   ASSERT_EQ(seen.size(), 9U);  // 19 to 11: all behind the wall, up to it
   double sight = 1;
@@ -101,9 +102,7 @@ TEST_F(BehindAWall, SightFallsByWhatEachVoxelProbablyHolds) {
     const ExpectedViewOptions options;
     // No free voxel tells where they face, but for the last: within two of it is free space, on the wall's other side.
     EXPECT_NEAR(seen[i].probability, sight * (i < 8 ? options.detected_unknown : options.detected_averted), 1e-5) << i;
-    const double holds = static_cast<double>(surface.probability()[seen[i].voxel]);
-    EXPECT_GT(holds, 0);
-    sight *= 1 - options.opacity * holds;
+    sight *= 1 - options.opacity * static_cast<double>(kSurface);
   }
 }
 
@@ -115,7 +114,7 @@ TEST_F(BehindAWall, WhatFacesTheCameraIsMeasuredAndWhatTurnsAwayIsNot) {
     }
   }
   const auto probability = [&](const Eigen::Vector3d& from) {
-    ExpectedViews expected(map_, {}, either_side());
+    ExpectedViews expected(map_, surface_, {}, either_side());
     const std::vector<ExpectedVoxel> seen = expected.see(axis_, look_at(from, {0.115, 0.105, 0.105}));
     return seen.empty() ? -1.0 : static_cast<double>(seen.front().probability);
   };
@@ -127,7 +126,7 @@ TEST_F(BehindAWall, WhatFacesTheCameraIsMeasuredAndWhatTurnsAwayIsNot) {
 
 TEST_F(BehindAWall, WhatIsHiddenBehindAWallFacesAwayFromWhoSawTheWall) {
   const std::vector<TakenView> taken{{{-0.4, 0.105, 0.105}, {}}};
-  ExpectedViews expected(map_, taken);
+  ExpectedViews expected(map_, surface_, taken);
   const auto first = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& target) {
     const std::vector<ExpectedVoxel> seen = expected.see(axis_, look_at(from, target));
     return seen.empty() ? -1.0 : static_cast<double>(seen.front().probability);
@@ -141,7 +140,7 @@ TEST_F(BehindAWall, WhatIsHiddenBehindAWallFacesAwayFromWhoSawTheWall) {
 TEST_F(BehindAWall, WhatWasMissedIsMissedFromNearThereAndNotFromElsewhere) {
   const std::uint32_t voxel = 19 + 20 * (10 + 20 * 10);
   const std::vector<TakenView> taken{{{0.6, 0.105, 0.105}, {{voxel, 0.8F}}}};
-  ExpectedViews before(map_, {}, either_side()), after(map_, taken, either_side());
+  ExpectedViews before(map_, surface_, {}, either_side()), after(map_, surface_, taken, either_side());
   const auto share_left = [&](const Eigen::Vector3d& from) {
     const Eigen::Isometry3d T_world_camera = look_at(from, {0.195, 0.105, 0.105});
     const auto of = [&](ExpectedViews* views) {
@@ -161,7 +160,7 @@ TEST_F(BehindAWall, WhatWasMissedIsMissedFromNearThereAndNotFromElsewhere) {
 
 TEST_F(BehindAWall, AViewFromFartherOffSeesNoFewerVoxels) {
   const CameraModel camera{752, 480, 450, 450, 375.5, 239.5, Distortion::kNone, {}};
-  ExpectedViews expected(map_, {});
+  ExpectedViews expected(map_, surface_, {});
   for (const double x : {0.6, 1.0, 1.4}) {
     const std::vector<ExpectedVoxel> seen = expected.see(expected.rays_for(camera, at(x)), at(x));
     const auto of_the_last_layer = std::count_if(seen.begin(), seen.end(), [](const ExpectedVoxel& voxel) {
@@ -171,42 +170,43 @@ TEST_F(BehindAWall, AViewFromFartherOffSeesNoFewerVoxels) {
   }
 }
 
-TEST_F(BehindAWall, SurfaceIsExpectedBehindWhatWasSeenAndNotInTheGround) {
-  const SurfacePrior surface(map_);
-  const auto at_voxel = [](int x, int y, int z) { return static_cast<std::size_t>(x + 20 * (y + 20 * z)); };
-  EXPECT_GT(surface.probability()[at_voxel(12, 10, 10)], 0);
-  EXPECT_EQ(surface.probability()[at_voxel(5, 10, 10)], 0) << "free";
-  EXPECT_EQ(surface.probability()[at_voxel(10, 10, 10)], 0) << "seen already";
-  EXPECT_EQ(surface.probability()[at_voxel(12, 10, 0)], 0) << "ground";
-  EXPECT_EQ(surface.kind()[at_voxel(12, 10, 0)], SurfacePrior::kSolid);
-}
-
-TEST(SurfacePrior, IsOneOfNearnessLimitAndHiding) {
-  const auto of = [](double distance_m, int free, double mark_m) {
-    return SurfacePrior::class_of(distance_m, free, mark_m);
+TEST_F(BehindAWall, SurfaceIsExpectedInWhatIsUnknownAndNotInTheGround) {
+  const ExpectedViews expected(map_, surface_, {});
+  const auto at_voxel = [&](int x, int y, int z) {
+    return expected.prior()[static_cast<std::size_t>(x + 20 * (y + 20 * z))];
   };
-  std::set<std::size_t> classes;
-  for (const double distance : {0.01, 0.02, 0.03, 0.04, 0.06, 0.09, 0.12, 0.16, 0.19}) {
-    for (const int free : {0, 3, 8, 20}) {
-      for (const double mark : {-1.0, 0.5 * distance, distance + 0.05}) classes.insert(of(distance, free, mark));
-    }
-  }
-  EXPECT_EQ(classes.size(), SurfacePrior::kClasses) << "all different";
-  EXPECT_LT(*classes.rbegin(), SurfacePrior::kClasses);
+  EXPECT_EQ(at_voxel(12, 10, 10), kSurface);
+  EXPECT_EQ(at_voxel(5, 10, 10), 0) << "free";
+  EXPECT_EQ(at_voxel(10, 10, 10), 0) << "seen already";
+  EXPECT_EQ(at_voxel(12, 10, 0), 0) << "ground";
 }
 
-TEST(SurfacePrior, EndsTwentyCentimetresFromWhatWasSeen) {
+TEST_F(BehindAWall, MoreThanCertainIsExpectedNowhere) {
+  const ExpectedViews expected(map_, std::vector<float>(8000, 1.7F), {});
+  for (const float prior : expected.prior()) ASSERT_LT(prior, 1);
+}
+
+TEST(VoxelSurroundings, HidingIsByTheNearestSurfaceAnotherOrNone) {
+  using Surroundings = VoxelSurroundings;
+  EXPECT_EQ(Surroundings::hiding_of(0.05, -1), Surroundings::kInTheOpen);
+  EXPECT_EQ(Surroundings::hiding_of(0.05, 0.03), Surroundings::kBehindNearest);
+  EXPECT_EQ(Surroundings::hiding_of(0.05, 0.08), Surroundings::kBehindNearest);
+  EXPECT_EQ(Surroundings::hiding_of(0.05, 0.1), Surroundings::kBehindOther);
+}
+
+TEST(VoxelSurroundings, AreKnownUpToTwentyCentimetresFromWhatWasSeen) {
   OccupancyMap map(Region{{0, 0, 0}, {64, 8, 8}, 0.01});
   map.set_log_odds({2, 4, 5}, 3);
-  const SurfacePrior surface(map);
-  const auto probability = [&](int x) { return surface.probability()[static_cast<std::size_t>(x + 64 * (4 + 8 * 5))]; };
-  EXPECT_GT(probability(3), probability(10));
-  EXPECT_GT(probability(22), 0);
-  EXPECT_EQ(probability(23), 0);
+  const VoxelSurroundings surroundings(map, std::vector<float>(64 * 8 * 8, 1));
+  const auto hiding = [&](int x) { return surroundings.hiding()[static_cast<std::size_t>(x + 64 * (4 + 8 * 5))]; };
+  EXPECT_EQ(hiding(2), VoxelSurroundings::kFar) << "known";
+  EXPECT_EQ(hiding(3), VoxelSurroundings::kInTheOpen);
+  EXPECT_EQ(hiding(22), VoxelSurroundings::kInTheOpen);
+  EXPECT_EQ(hiding(23), VoxelSurroundings::kFar);
 }
 
-TEST(SurfacePrior, WhatFacesUpIsMoreProbableThanWhatFacesAside) {
-  // Free space above and beside a block of unknown voxels; the seen voxel lies in the plane between the two.
+TEST(VoxelSurroundings, SurfaceFacesTheFreeVoxels) {
+  // Free space above and beside a block of unknown voxels.
   OccupancyMap map(Region{{0, 0, 0}, {32, 32, 32}, 0.01});
   for (int z = 0; z < 32; ++z) {
     for (int y = 0; y < 32; ++y) {
@@ -216,27 +216,30 @@ TEST(SurfacePrior, WhatFacesUpIsMoreProbableThanWhatFacesAside) {
     }
   }
   map.set_log_odds({12, 16, 12}, 3);
-  const SurfacePrior surface(map);
   const auto index = [](int x, int y, int z) { return static_cast<std::size_t>(x + 32 * (y + 32 * z)); };
-  const std::size_t top = index(10, 16, 19), side = index(19, 16, 10);
-  ASSERT_EQ(surface.classes()[top], surface.classes()[side]);
-  EXPECT_GT(surface.facing()[top][2], 95);
-  EXPECT_GT(surface.facing()[side][0], 95);
-  EXPECT_GT(surface.probability()[top], surface.probability()[side]);
+  std::vector<float> expected(32 * 32 * 32, 1);
+  expected[index(12, 16, 19)] = 0;
+  const VoxelSurroundings surroundings(map, expected);
+  EXPECT_GT(surroundings.facing()[index(10, 16, 19)][2], 95) << "up";
+  EXPECT_GT(surroundings.facing()[index(19, 16, 10)][0], 95) << "aside";
+  const std::array<std::int8_t, 3> nowhere{};
+  EXPECT_EQ(surroundings.facing()[index(10, 16, 10)], nowhere) << "inside";
+  EXPECT_EQ(surroundings.facing()[index(12, 16, 19)], nowhere) << "where nothing is expected";
 }
 
 TEST_F(BehindAWall, WhatViewsFailedToMeasureIsNotLookedForForEver) {
   // Two places see the same from behind, one sees from the side. Nothing comes of the first: the map stays.
   const CameraModel camera{64, 48, 60, 60, 31.5, 23.5, Distortion::kNone, {}};
-  const Eigen::Vector3d target(0.15, 0.105, 0.105), position(0.5, -0.3, 0.105);
+  const Eigen::Vector3d target(0.15, 0.105, 0.105);
+  const std::vector<Eigen::Isometry3d> poses{look_at({0.5, -0.3, 0.105}, target)};
   const CandidateView behind{1, at(0.55)}, beside_it{2, at(0.56)}, side{3, look_at({0.15, -0.4, 0.105}, target)};
   const std::vector<std::int64_t> visited{0};
   ViewSetPlanner planner;
   const std::vector<CandidateView> first{behind, side}, then{beside_it, side};
-  ASSERT_EQ(planner.choose({map_, camera, first, visited, position}), 0U);
-  ASSERT_EQ(ViewSetPlanner().choose({map_, camera, then, visited, position}), 0U) << "a planner that took no view";
+  ASSERT_EQ(planner.choose({map_, camera, first, visited, poses}), 0U);
+  ASSERT_EQ(ViewSetPlanner().choose({map_, camera, then, visited, poses}), 0U) << "a planner that took no view";
   int again = 0;
-  while (again < 8 && planner.choose({map_, camera, then, visited, position}) == 0) ++again;
+  while (again < 8 && planner.choose({map_, camera, then, visited, poses}) == 0) ++again;
   EXPECT_LT(again, 8);
 }
 
@@ -244,16 +247,18 @@ TEST_F(BehindAWall, TheSetGoesRoundTheWall) {
   const CameraModel camera{64, 48, 60, 60, 31.5, 23.5, Distortion::kNone, {}};
   const std::vector<CandidateView> open{{1, at(-0.35)}, {2, at(0.55)}, {3, at(-0.4)}};
   const std::vector<std::int64_t> visited{0};
+  const std::vector<Eigen::Isometry3d> poses{at(-0.3)};
   ViewSetPlanner planner;
-  EXPECT_EQ(planner.choose({map_, camera, open, visited, Eigen::Vector3d(-0.3, 0.105, 0.105)}), 1U);
+  EXPECT_EQ(planner.choose({map_, camera, open, visited, poses}), 1U);
 }
 
 TEST_F(BehindAWall, WithNothingToSeeItGoesToTheNearest) {
   const CameraModel camera{64, 48, 60, 60, 31.5, 23.5, Distortion::kNone, {}};
   const std::vector<CandidateView> open{{1, at(-0.5)}, {3, at(-0.4)}};
   const std::vector<std::int64_t> visited{0};
+  const std::vector<Eigen::Isometry3d> poses{at(-0.3)};
   ViewSetPlanner planner;
-  EXPECT_EQ(planner.choose({OccupancyMap(map_.region()), camera, open, visited, {-0.3, 0.105, 0.105}}), 1U);
+  EXPECT_EQ(planner.choose({OccupancyMap(map_.region()), camera, open, visited, poses}), 1U);
 }
 
 }  // namespace

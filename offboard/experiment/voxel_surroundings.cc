@@ -1,4 +1,4 @@
-#include "offboard/experiment/surface_prior.h"
+#include "offboard/experiment/voxel_surroundings.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,27 +6,7 @@
 namespace vantage {
 namespace {
 
-/// [distance][free neighbours][hiding]
-constexpr std::array<float, SurfacePrior::kClasses> kProbability = {
-    0.041F, 0.387F, 0.527F, 0.164F, 0.381F, 0.371F, 0.475F, 0.318F, 0.356F, 0.099F, 0.066F, 0.086F, 0.036F, 0.337F,
-    0.398F, 0.342F, 0.448F, 0.374F, 0.612F, 0.491F, 0.348F, 0.202F, 0.135F, 0.116F, 0.042F, 0.253F, 0.315F, 0.392F,
-    0.350F, 0.257F, 0.549F, 0.332F, 0.259F, 0.141F, 0.082F, 0.068F, 0.031F, 0.180F, 0.215F, 0.356F, 0.244F, 0.152F,
-    0.447F, 0.259F, 0.168F, 0.078F, 0.068F, 0.042F, 0.024F, 0.122F, 0.128F, 0.272F, 0.147F, 0.096F, 0.293F, 0.182F,
-    0.095F, 0.061F, 0.038F, 0.025F, 0.044F, 0.102F, 0.092F, 0.224F, 0.065F, 0.054F, 0.206F, 0.079F, 0.056F, 0.041F,
-    0.012F, 0.012F, 0.103F, 0.128F, 0.060F, 0.114F, 0.032F, 0.031F, 0.095F, 0.022F, 0.027F, 0.022F, 0.003F, 0.006F,
-    0.096F, 0.092F, 0.017F, 0.024F, 0.000F, 0.009F, 0.000F, 0.000F, 0.014F, 0.000F, 0.000F, 0.003F, 0.079F, 0.056F,
-    0.003F, 0.002F, 0.000F, 0.006F, 0.000F, 0.000F, 0.006F, 0.000F, 0.000F, 0.001F};
-
-constexpr std::array<double, SurfacePrior::kDistances - 1> kDistance_m = {0.015, 0.025, 0.035, 0.05,
-                                                                          0.07,  0.10,  0.14,  0.17};
-constexpr std::array<int, SurfacePrior::kNeighbourhoods - 1> kFreeNeighbours = {1, 6, 12};
-
-constexpr float kLeastProbability = 0.01F;  // of a voxel whose facing is worth finding
-
-/// By hiding, for voxels that face up and for others: what was found over what the table says, over the mean of both.
-constexpr std::array<float, SurfacePrior::kHidings> kUp = {1.4F, 1.45F, 1.2F}, kNotUp = {1.35F, 0.85F, 0.6F};
-constexpr double kUpward = 0.7;  // cosine
-constexpr float kMostProbable = 0.9F;
+constexpr float kLeastSurface = 0.01F;  // of a voxel whose facing is worth finding
 
 struct Reached {
   std::array<std::int16_t, 3> voxel, source;  // source: the occupied voxel it is near to
@@ -34,27 +14,23 @@ struct Reached {
 
 }  // namespace
 
-std::size_t SurfacePrior::class_of(double distance_m, int free_neighbours, double mark_m) {
-  const auto distance = std::upper_bound(kDistance_m.begin(), kDistance_m.end(), distance_m) - kDistance_m.begin();
-  const auto free =
-      std::upper_bound(kFreeNeighbours.begin(), kFreeNeighbours.end(), free_neighbours) - kFreeNeighbours.begin();
-  const std::ptrdiff_t hiding = mark_m < 0 ? 2 : mark_m > distance_m + kHiddenFarther_m ? 1 : 0;
-  return static_cast<std::size_t>((distance * kNeighbourhoods + free) * kHidings + hiding);
+VoxelSurroundings::Hiding VoxelSurroundings::hiding_of(double distance_m, double mark_m) {
+  if (mark_m < 0) return kInTheOpen;
+  return mark_m > distance_m + kHiddenFarther_m ? kBehindOther : kBehindNearest;
 }
 
-SurfacePrior::SurfacePrior(const OccupancyMap& map) {
+VoxelSurroundings::VoxelSurroundings(const OccupancyMap& map, std::span<const float> surface) {
   const auto voxels = static_cast<std::size_t>(map.region().voxel_count());
   kind_.assign(voxels, kUnknown);
-  class_.assign(voxels, kClasses);
+  hiding_.assign(voxels, kFar);
   mark_m_.assign(voxels, -1);
-  probability_.assign(voxels, 0);
   facing_.assign(voxels, {});
   read(map);
   spread(map.region());
-  face(map.region());
+  face(map.region(), surface);
 }
 
-void SurfacePrior::read(const OccupancyMap& map) {
+void VoxelSurroundings::read(const OccupancyMap& map) {
   const Eigen::Vector3i size = map.region().size_voxels;
   for (std::size_t b = 0; b < map.brick_count(); ++b) {
     const Eigen::Vector3i position = map.brick_position(b), extent = map.brick_extent(position);
@@ -81,7 +57,7 @@ void SurfacePrior::read(const OccupancyMap& map) {
 
 /// Distances go out from the occupied voxels above the ground, from neighbour to neighbour, each with its source; a
 /// voxel keeps the first that reaches it, which is the nearest or misses it by a part of a voxel.
-void SurfacePrior::spread(const Region& region) {
+void VoxelSurroundings::spread(const Region& region) {
   const Eigen::Vector3i size = region.size_voxels;
   const std::array<std::ptrdiff_t, 3> stride = {1, size.x(), std::ptrdiff_t{size.x()} * size.y()};
   const auto index = [&](const std::array<std::int16_t, 3>& v) {
@@ -130,25 +106,14 @@ void SurfacePrior::spread(const Region& region) {
         reached[i] = 1;
         next.push_back(to);
         if (kind_[i] != kUnknown) continue;
-        int free = 0;
-        for (int d = 0; d < 27; ++d) {
-          const std::array<int, 3> o = {to.voxel[0] + d % 3 - 1, to.voxel[1] + d / 3 % 3 - 1, to.voxel[2] + d / 9 - 1};
-          bool inside = true;
-          for (int k = 0; k < 3; ++k)
-            inside = inside && o[static_cast<std::size_t>(k)] >= 0 && o[static_cast<std::size_t>(k)] < size[k];
-          if (inside)
-            free += kind_[static_cast<std::size_t>(o[0] * stride[0] + o[1] * stride[1] + o[2] * stride[2])] == kFree;
-        }
-        const std::size_t entry = class_of(distance * region.resolution_m, free, static_cast<double>(mark_m_[i]));
-        class_[i] = static_cast<std::uint8_t>(entry);
-        probability_[i] = kProbability[entry];
+        hiding_[i] = hiding_of(distance * region.resolution_m, static_cast<double>(mark_m_[i]));
       }
     }
     std::swap(front, next);
   }
 }
 
-void SurfacePrior::face(const Region& region) {
+void VoxelSurroundings::face(const Region& region, std::span<const float> surface) {
   constexpr int kReach = 2;
   constexpr double kLeast = 3;  // of the sum of unit vectors
   struct Offset {
@@ -169,7 +134,7 @@ void SurfacePrior::face(const Region& region) {
   for (int z = 0; z < size.z(); ++z) {
     for (int y = 0; y < size.y(); ++y) {
       for (int x = 0; x < size.x(); ++x, ++i) {
-        if (probability_[i] < kLeastProbability) continue;
+        if (hiding_[i] == kFar || surface[i] < kLeastSurface) continue;
         Eigen::Vector3d sum = Eigen::Vector3d::Zero();
         for (const Offset& offset : offsets) {
           const Eigen::Vector3i other = Eigen::Vector3i(x, y, z) + offset.voxel;
@@ -180,16 +145,11 @@ void SurfacePrior::face(const Region& region) {
                               static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(other.z()));
           if (kind_[j] == kFree) sum += offset.unit;
         }
-        if (sum.norm() < kLeast) {
-          probability_[i] = std::min(kMostProbable, probability_[i] * kNotUp[class_[i] % kHidings]);
-          continue;
-        }
+        if (sum.norm() < kLeast) continue;
         const Eigen::Vector3d unit = sum.normalized() * kFacingUnit;
         for (std::size_t k = 0; k < 3; ++k) {
           facing_[i][k] = static_cast<std::int8_t>(std::lround(unit[static_cast<Eigen::Index>(k)]));
         }
-        probability_[i] = std::min(
-            kMostProbable, probability_[i] * (unit.z() > kUpward * kFacingUnit ? kUp : kNotUp)[class_[i] % kHidings]);
       }
     }
   }

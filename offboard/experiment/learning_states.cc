@@ -1,0 +1,157 @@
+#include "offboard/experiment/learning_states.h"
+
+#include <algorithm>
+#include <bit>
+#include <fstream>
+#include <stdexcept>
+#include <unordered_set>
+
+#include "calib/files/input_error.h"
+#include "offboard/experiment/map_window.h"
+#include "offboard/experiment/run_store.h"
+#include "offboard/experiment/split_mix.h"
+#include "offboard/experiment/view_set_planner.h"
+#include "offboard/planning/volume.h"
+#include "offboard/session/session_config.h"
+
+namespace vantage {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+template <typename T>
+void put(std::ofstream& file, const T* data, std::size_t count) {
+  file.write(reinterpret_cast<const char*>(data), static_cast<std::streamsize>(count * sizeof(T)));
+}
+
+/// By what a run chooses its views.
+enum class Policy { kRandom, kHalfGreedy, kViewSet };
+
+class StateWriter {
+ public:
+  StateWriter(const SceneViews& scene, const SceneTruth& truth, const LearningStatesOptions& options,
+              std::ofstream& file)
+      : scene_(scene),
+        truth_(truth),
+        options_(options),
+        file_(file),
+        focus_(focus_of(scene.candidates(), Eigen::Vector3d::Zero())),
+        random_(scene.seed()) {}
+
+  void write() {
+    head();
+    constexpr Policy kPolicies[] = {Policy::kRandom, Policy::kHalfGreedy, Policy::kViewSet};
+    for (int r = 0; r < options_.runs; ++r) run(kPolicies[r % 3], r);
+  }
+
+ private:
+  void head() {
+    const Region region = SessionConfig().region;
+    const Volume empty(region, sensor_of(options_.run));
+    const MapWindow window(empty.map(), scene_.depth_map(0).camera, {}, focus_);
+    const Eigen::Vector3i size(MapWindow::kWidth, MapWindow::kWidth, MapWindow::kHeight);
+    std::vector<std::int32_t> voxels;
+    std::unordered_set<std::int32_t> holding;
+    for (const Eigen::Vector3f& point : truth_.surface) {
+      const Eigen::Vector3i v =
+          region.to_voxels(point.cast<double>()).array().floor().cast<int>().matrix() - window.min_corner();
+      const bool inside = (v.array() >= 0).all() && (v.array() < size.array()).all();
+      voxels.push_back(inside ? v.x() + size.x() * (v.y() + size.y() * v.z()) : -1);
+      if (inside) holding.insert(voxels.back());
+    }
+    const std::uint32_t numbers[] = {MapWindow::kChannels,
+                                     MapWindow::kWidth,
+                                     MapWindow::kHeight,
+                                     static_cast<std::uint32_t>(scene_.candidates().size()),
+                                     static_cast<std::uint32_t>(voxels.size()),
+                                     static_cast<std::uint32_t>(options_.runs * (options_.run.views - 1))};
+    file_ << "VANTAGE-STATES-1";
+    put(file_, numbers, std::size(numbers));
+    const float in_a_voxel =
+        static_cast<float>(voxels.size()) / static_cast<float>(std::max<std::size_t>(1, holding.size()));
+    put(file_, &in_a_voxel, 1);
+    for (const CandidateView& view : scene_.candidates()) {
+      const Eigen::Vector3f at =
+          (region.to_voxels(view.T_world_camera.translation()) - window.min_corner().cast<double>()).cast<float>();
+      put(file_, at.data(), 3);
+    }
+    put(file_, voxels.data(), voxels.size());
+    for (std::size_t i = 0; i < voxels.size(); ++i) {
+      std::uint64_t covering = 0;
+      for (std::size_t view = 0; view < truth_.by_view.covered.size(); ++view) {
+        covering |= (truth_.by_view.covered[view][i / 64] >> i % 64 & 1) << view;
+      }
+      put(file_, &covering, 1);
+    }
+  }
+
+  std::size_t choose(Policy policy, const Choice& choice, ViewSetPlanner* planner, ViewChooser* oracle) {
+    if (policy == Policy::kViewSet) return planner->choose(choice);
+    if (policy == Policy::kHalfGreedy && random_.next() % 2 == 0) return oracle->choose(choice);
+    return random_.next() % choice.open.size();
+  }
+
+  void run(Policy policy, int number) {
+    Volume volume(SessionConfig().region, sensor_of(options_.run));
+    std::vector<CandidateView> open = scene_.candidates();
+    std::vector<std::int64_t> visited;
+    std::vector<Eigen::Isometry3d> poses;
+    ViewSetPlanner planner;
+    const std::unique_ptr<ViewChooser> oracle = make_chooser("oracle", scene_.seed(), truth_.by_view);
+    std::uint64_t taken = 0;
+    std::size_t next = number == 2 ? 0 : random_.next() % open.size();
+    for (int views = 1; views < options_.run.views; ++views) {
+      const CandidateView view = open[next];
+      const DepthMap depth = scene_.depth_map(static_cast<std::size_t>(view.id));
+      const IntegrationResult integrated = volume.integrate(depth);
+      if (!integrated.ok) throw std::logic_error("a depth map can't be integrated: " + integrated.error);
+      open.erase(open.begin() + static_cast<std::ptrdiff_t>(next));
+      visited.push_back(view.id);
+      poses.push_back(view.T_world_camera);
+      taken |= std::uint64_t{1} << view.id;
+      const MapWindow window(volume.map(), depth.camera, poses, focus_);
+      put(file_, &taken, 1);
+      put(file_, window.numbers().data(), window.numbers().size());
+      next = choose(policy, {volume.map(), depth.camera, open, visited, poses}, &planner, oracle.get());
+    }
+  }
+
+  const SceneViews& scene_;
+  const SceneTruth& truth_;
+  const LearningStatesOptions& options_;
+  std::ofstream& file_;
+  Eigen::Vector3d focus_;
+  SplitMix random_;
+};
+
+}  // namespace
+
+bool write_learning_states(const std::vector<ExperimentObject>& objects, const LearningStatesOptions& options,
+                           const std::filesystem::path& out, const std::atomic<bool>& stop, std::ostream& terminal) {
+  std::error_code error;
+  std::filesystem::create_directories(out, error);
+  if (error) throw InputError(out.string() + ": can't be made: " + error.message());
+  for (const ExperimentObject& object : objects) {
+    for (int s = 1; s <= options.seeds; ++s) {
+      const auto seed = static_cast<std::uint64_t>(s);
+      std::filesystem::path folder;
+      if (!options.cache.empty()) {
+        folder = views_folder(options.cache, {object.name, object.digest}, seed, options.run.view_radius_m);
+      }
+      SceneViews scene(object, options.candidates.empty() ? candidates_of(options.run) : options.candidates, seed,
+                       folder);
+      if (!scene.prepare(options.threads, stop, [](int, int) {})) return false;
+      const std::optional<SceneTruth> truth = measure_scene(scene, options.run, stop);
+      if (!truth || stop) return false;
+      const std::filesystem::path path = out / (object.name + "-seed" + std::to_string(s) + ".states");
+      std::ofstream file(path, std::ios::binary);
+      StateWriter(scene, *truth, options, file).write();
+      file.close();
+      if (!file) throw InputError(path.string() + ": can't be written");
+      terminal << path.string() << std::endl;
+    }
+  }
+  return true;
+}
+
+}  // namespace vantage

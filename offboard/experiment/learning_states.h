@@ -1,0 +1,36 @@
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <ostream>
+#include <vector>
+
+#include "offboard/experiment/method_run.h"
+
+namespace vantage {
+
+struct LearningStatesOptions {
+  int seeds = 1;  ///< of each object, from 1
+  int runs = 4;   ///< of each scene: in turns by random, half greedy on the truth, view_set
+  int threads = 1;
+  ExperimentOptions run;                  ///< its views: a state after each but the last
+  std::vector<CandidateView> candidates;  ///< empty: the paper's; at most 64
+  std::filesystem::path cache;            ///< of packed depth maps; empty: in memory alone
+};
+
+/// Writes for each object and seed `OUT/NAME-seedS.states`: what the map knew after each view of some runs, and which
+/// points of the true surface each candidate covers; scripts/learn-surface-network reads it. All little-endian:
+///
+///     "VANTAGE-STATES-1"   16 bytes
+///     uint32 channels, width, height, candidates, points, states
+///     float32 mean number of points in a voxel that holds any
+///     float32 x 3 position of each candidate, in voxels of the window
+///     int32 voxel of each point (x + width (y + width z)), -1 outside the window
+///     uint64 candidates that cover each point, a bit each
+///     each state: uint64 candidates taken, then int8 x channels of each voxel (map_window.h)
+///
+/// False when `stop` was set before the end. \throws InputError when a file can't be written.
+bool write_learning_states(const std::vector<ExperimentObject>& objects, const LearningStatesOptions& options,
+                           const std::filesystem::path& out, const std::atomic<bool>& stop, std::ostream& terminal);
+
+}  // namespace vantage
