@@ -64,9 +64,9 @@ struct ExpectedViewOptions {
 };
 
 /// What views are expected to measure, one voxel at a time. A ray's sight is 1 at first; a voxel that holds surface
-/// with probability P leaves 1 - opacity P of it, an occupied one and the ground nothing. A view
-/// measures a voxel with the largest sight of its rays, times the share that is detected at the angle, times what the
-/// other side of a seen surface is more.
+/// with probability P leaves 1 - opacity P of it, an occupied one and the ground nothing. A view measures a voxel with
+/// the largest sight of its rays, times the share that is detected at the angle, times what the other side of a seen
+/// surface is more.
 class ExpectedViews {
  public:
   /// `surface`: how much is expected in each voxel that is not measured yet, 1 as in a mean voxel with surface

@@ -23,40 +23,27 @@ struct LayerShape {
 constexpr int kHarmonics = 16;  // what cameras in each direction would measure: learned too, not used
 constexpr int kAnswers = kHarmonics + 1;
 
-// Sizes of the window, a half, a quarter, an eighth of it: down, and up again with what was known on the way down.
-constexpr int kFine = 16, kHalf = 32, kQuarter = 48, kFromEighth = 32, kFromQuarter = 16;
-enum Layer {
-  kDown0,
-  kStep1,
-  kDown1,
-  kStep2,
-  kDown2,
-  kStep3,
-  kDown3,
-  kRise3,
-  kUp2,
-  kRise2,
-  kUp1,
-  kRise1,
-  kUp0,
-  kOut,
-  kLayers
-};
+// 0 is the window's resolution, 1 to 3 a half, a quarter, an eighth of it: down, and up again with what was known on
+// the way down.
+constexpr int kFine = 16, kHalf = 32, kQuarter = 48, kFromEighth = 32, kFromQuarter = 16;  // channels
+// clang-format off
+enum Layer { kDown0, kStep1, kDown1, kStep2, kDown2, kStep3, kDown3, kRise3, kUp2, kRise2, kUp1, kRise1, kUp0, kOut, kLayers };
+// clang-format on
 constexpr std::array<LayerShape, kLayers> kShapes = {{
-    {MapWindow::kChannels, kFine, 3, 1, true},
-    {kFine, kHalf, 3, 2, true},
-    {kHalf, kHalf, 3, 1, true},
-    {kHalf, kQuarter, 3, 2, true},
-    {kQuarter, kQuarter, 3, 1, true},
-    {kQuarter, kQuarter, 3, 2, true},
-    {kQuarter, kQuarter, 3, 1, true},
-    {kQuarter, kFromEighth, 1, 1, false},
-    {kQuarter + kFromEighth, kQuarter, 3, 1, true},
-    {kQuarter, kFromQuarter, 1, 1, false},
-    {kHalf + kFromQuarter, kHalf, 3, 1, true},
-    {kHalf, 8 * kFine, 1, 1, false},
-    {kFine, kFine, 3, 1, false},
-    {kFine, kAnswers, 1, 1, false},
+    {MapWindow::kChannels, kFine, 3, 1, true},       // kDown0
+    {kFine, kHalf, 3, 2, true},                      // kStep1
+    {kHalf, kHalf, 3, 1, true},                      // kDown1
+    {kHalf, kQuarter, 3, 2, true},                   // kStep2
+    {kQuarter, kQuarter, 3, 1, true},                // kDown2
+    {kQuarter, kQuarter, 3, 2, true},                // kStep3
+    {kQuarter, kQuarter, 3, 1, true},                // kDown3
+    {kQuarter, kFromEighth, 1, 1, false},            // kRise3
+    {kQuarter + kFromEighth, kQuarter, 3, 1, true},  // kUp2
+    {kQuarter, kFromQuarter, 1, 1, false},           // kRise2
+    {kHalf + kFromQuarter, kHalf, 3, 1, true},       // kUp1
+    {kHalf, 8 * kFine, 1, 1, false},                 // kRise1
+    {kFine, kFine, 3, 1, false},                     // kUp0
+    {kFine, kAnswers, 1, 1, false},                  // kOut
 }};
 
 const Eigen::Vector3i kWindow(MapWindow::kWidth, MapWindow::kWidth, MapWindow::kHeight);

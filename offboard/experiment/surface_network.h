@@ -1,9 +1,6 @@
 #pragma once
 
-#include <cstddef>
-#include <filesystem>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "offboard/experiment/convolution.h"
