@@ -13,13 +13,17 @@ struct Lanes {
   typedef float Vector __attribute__((vector_size(kLanes * sizeof(float))));
 };
 
+// Vectors are copied one by one: a copy of several at once goes by halves, which the processor can't forward to a load.
+
 /// `kCount` voxels from number `first` on. Every output is summed in the same order, whatever kLanes is.
 template <int kLanes, int kCount>
 inline __attribute__((always_inline)) void sum_voxels(const Row& row, int first) {
   using Vector = typename Lanes<kLanes>::Vector;
   constexpr int kVectors = kGroup / kLanes;
   Vector sums[kCount][kVectors];
-  for (int n = 0; n < kCount; ++n) std::memcpy(sums[n], row.bias, sizeof sums[n]);
+  for (int n = 0; n < kCount; ++n) {
+    for (int v = 0; v < kVectors; ++v) std::memcpy(&sums[n][v], row.bias + v * kLanes, sizeof sums[n][v]);
+  }
   const float* weight = row.weights;
   const std::ptrdiff_t next = row.in_next;
   const float* middle = row.in + first * next;
@@ -29,7 +33,7 @@ inline __attribute__((always_inline)) void sum_voxels(const Row& row, int first)
         const float* from = middle + x * row.in_step[0] + y * row.in_step[1] + z * row.in_step[2];
         for (int i = 0; i < row.inputs; ++i, weight += row.weight_step) {
           Vector weights[kVectors];
-          std::memcpy(weights, weight, sizeof weights);
+          for (int v = 0; v < kVectors; ++v) std::memcpy(&weights[v], weight + v * kLanes, sizeof weights[v]);
           for (int n = 0; n < kCount; ++n) {
             const float number = from[n * next + i];
             for (int v = 0; v < kVectors; ++v) sums[n][v] += number * weights[v];
@@ -45,7 +49,8 @@ inline __attribute__((always_inline)) void sum_voxels(const Row& row, int first)
         sums[n][v] = sums[n][v] > zero ? sums[n][v] : zero;
       }
     }
-    std::memcpy(row.out + (first + n) * row.out_next, sums[n], sizeof sums[n]);
+    float* out = row.out + (first + n) * row.out_next;
+    for (int v = 0; v < kVectors; ++v) std::memcpy(out + v * kLanes, &sums[n][v], sizeof sums[n][v]);
   }
 }
 
