@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "offboard/experiment/voxel_rays.h"
 #include "offboard/mapping/ray_walk.h"
 
 namespace vantage {
@@ -126,13 +127,9 @@ double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_came
 }
 
 const RayBundle& ExpectedViews::rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera) {
-  constexpr double kMostRays = 256;
   const Eigen::Vector3d middle = box_min_.cast<double>() + 0.5 * box_size_.cast<double>();
-  const double distance = std::max(1.0, (region_.to_voxels(T_world_camera.translation()) - middle).norm());
-  const auto count = [&](int pixels, double focal_px) {
-    return static_cast<int>(std::clamp(std::ceil(pixels * distance / focal_px), 1.0, kMostRays));
-  };
-  const std::pair<int, int> size{count(camera.width, camera.fx), count(camera.height, camera.fy)};
+  const std::pair<int, int> size =
+      rays_a_voxel_apart(camera, (region_.to_voxels(T_world_camera.translation()) - middle).norm());
   return rays_.try_emplace(size, camera, size.first, size.second).first->second;
 }
 

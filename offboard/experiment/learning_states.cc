@@ -8,7 +8,6 @@
 
 #include "calib/files/input_error.h"
 #include "offboard/experiment/map_window.h"
-#include "offboard/experiment/run_store.h"
 #include "offboard/experiment/split_mix.h"
 #include "offboard/experiment/view_set_planner.h"
 #include "offboard/planning/volume.h"
@@ -47,7 +46,7 @@ class StateWriter {
  private:
   void head() {
     const Region region = SessionConfig().region;
-    const Volume empty(region, sensor_of(options_.run));
+    const Volume empty(region, sensor_of(options_.scenes.run));
     const MapWindow window(empty.map(), scene_.depth_map(0).camera, {}, focus_);
     const Eigen::Vector3i size(MapWindow::kWidth, MapWindow::kWidth, MapWindow::kHeight);
     std::vector<std::int32_t> voxels;
@@ -64,7 +63,7 @@ class StateWriter {
                                      MapWindow::kHeight,
                                      static_cast<std::uint32_t>(scene_.candidates().size()),
                                      static_cast<std::uint32_t>(voxels.size()),
-                                     static_cast<std::uint32_t>(options_.runs * (options_.run.views - 1))};
+                                     static_cast<std::uint32_t>(options_.runs * (options_.scenes.run.views - 1))};
     file_ << "VANTAGE-STATES-1";
     put(file_, numbers, std::size(numbers));
     const float in_a_voxel =
@@ -92,7 +91,7 @@ class StateWriter {
   }
 
   void run(Policy policy, int number) {
-    Volume volume(SessionConfig().region, sensor_of(options_.run));
+    Volume volume(SessionConfig().region, sensor_of(options_.scenes.run));
     std::vector<CandidateView> open = scene_.candidates();
     std::vector<std::int64_t> visited;
     std::vector<Eigen::Isometry3d> poses;
@@ -100,7 +99,7 @@ class StateWriter {
     const std::unique_ptr<ViewChooser> oracle = make_chooser("oracle", scene_.seed(), truth_.by_view);
     std::uint64_t taken = 0;
     std::size_t next = number == 2 ? 0 : random_.next() % open.size();
-    for (int views = 1; views < options_.run.views; ++views) {
+    for (int views = 1; views < options_.scenes.run.views; ++views) {
       const CandidateView view = open[next];
       const DepthMap depth = scene_.depth_map(static_cast<std::size_t>(view.id));
       const IntegrationResult integrated = volume.integrate(depth);
@@ -131,27 +130,14 @@ bool write_learning_states(const std::vector<ExperimentObject>& objects, const L
   std::error_code error;
   std::filesystem::create_directories(out, error);
   if (error) throw InputError(out.string() + ": can't be made: " + error.message());
-  for (const ExperimentObject& object : objects) {
-    for (int s = 1; s <= options.seeds; ++s) {
-      const auto seed = static_cast<std::uint64_t>(s);
-      std::filesystem::path folder;
-      if (!options.cache.empty()) {
-        folder = views_folder(options.cache, {object.name, object.digest}, seed, options.run.view_radius_m);
-      }
-      SceneViews scene(object, options.candidates.empty() ? candidates_of(options.run) : options.candidates, seed,
-                       folder);
-      if (!scene.prepare(options.threads, stop, [](int, int) {})) return false;
-      const std::optional<SceneTruth> truth = measure_scene(scene, options.run, stop);
-      if (!truth || stop) return false;
-      const std::filesystem::path path = out / (object.name + "-seed" + std::to_string(s) + ".states");
-      std::ofstream file(path, std::ios::binary);
-      StateWriter(scene, *truth, options, file).write();
-      file.close();
-      if (!file) throw InputError(path.string() + ": can't be written");
-      terminal << path.string() << std::endl;
-    }
-  }
-  return true;
+  return for_each_measured_scene(objects, options.scenes, stop, [&](const SceneViews& scene, const SceneTruth& truth) {
+    const std::filesystem::path path = out / (scene.object().name + "-seed" + std::to_string(scene.seed()) + ".states");
+    std::ofstream file(path, std::ios::binary);
+    StateWriter(scene, truth, options, file).write();
+    file.close();
+    if (!file) throw InputError(path.string() + ": can't be written");
+    terminal << path.string() << std::endl;
+  });
 }
 
 }  // namespace vantage

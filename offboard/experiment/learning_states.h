@@ -5,17 +5,13 @@
 #include <ostream>
 #include <vector>
 
-#include "offboard/experiment/method_run.h"
+#include "offboard/experiment/measured_scenes.h"
 
 namespace vantage {
 
 struct LearningStatesOptions {
-  int seeds = 1;  ///< of each object, from 1
-  int runs = 4;   ///< of each scene: in turns by random, half greedy on the truth, view_set
-  int threads = 1;
-  ExperimentOptions run;                  ///< its views: a state after each but the last
-  std::vector<CandidateView> candidates;  ///< empty: the paper's; at most 64
-  std::filesystem::path cache;            ///< of packed depth maps; empty: in memory alone
+  MeasuredScenesOptions scenes;  ///< run.views: a state after each but the last; at most 64 candidates
+  int runs = 4;                  ///< of each scene: in turns by random, half greedy on the truth, view_set
 };
 
 /// Writes for each object and seed `OUT/NAME-seedS.states`: what the map knew after each view of some runs, and which

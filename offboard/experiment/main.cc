@@ -152,13 +152,19 @@ int tune(const Arguments& arguments) {
   return kExitOk;
 }
 
+/// What count and states look at: so many views of every object.
+MeasuredScenesOptions scenes_of(const Arguments& arguments, int views) {
+  MeasuredScenesOptions scenes;
+  scenes.seeds = arguments.seeds;
+  scenes.threads = threads_of(arguments);
+  scenes.run = options_of(arguments);
+  scenes.run.views = views;
+  scenes.cache = arguments.cache;
+  return scenes;
+}
+
 int count(const Arguments& arguments) {
-  OtherSideCountOptions options;
-  options.run = options_of(arguments);
-  options.run.views = kCountedViews;
-  options.seeds = arguments.seeds;
-  options.threads = threads_of(arguments);
-  options.cache = arguments.cache;
+  const MeasuredScenesOptions options = scenes_of(arguments, kCountedViews);
   const std::vector<ExperimentObject> objects = load_objects(arguments.objects, arguments.models);
   const std::optional<OtherSideCount> counted = count_other_sides(objects, options, interrupted, std::cerr);
   if (!counted) {
@@ -178,11 +184,7 @@ int count(const Arguments& arguments) {
 
 int write_states(const Arguments& arguments) {
   LearningStatesOptions options;
-  options.run = options_of(arguments);
-  options.run.views = kTunedViews;
-  options.seeds = arguments.seeds;
-  options.threads = threads_of(arguments);
-  options.cache = arguments.cache;
+  options.scenes = scenes_of(arguments, kTunedViews);
   const std::vector<ExperimentObject> objects = load_objects(arguments.objects, arguments.models);
   if (write_learning_states(objects, options, arguments.out, interrupted, std::cout)) return kExitOk;
   fmt::print(stderr, "vantage-experiment: interrupted\n");

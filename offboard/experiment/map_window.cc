@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 
+#include "offboard/experiment/voxel_rays.h"
 #include "offboard/gain/ray_bundle.h"
 #include "offboard/mapping/ray_walk.h"
 
@@ -17,15 +18,6 @@ std::int8_t scaled(double share) { return static_cast<std::int8_t>(std::lround(s
 
 std::size_t index_of(const Eigen::Vector3i& v) {
   return static_cast<std::size_t>(v.x() + MapWindow::kWidth * (v.y() + MapWindow::kWidth * v.z()));
-}
-
-/// Rays a voxel apart in the middle of the window.
-RayBundle rays_for(const CameraModel& camera, double distance_voxels) {
-  constexpr double kMostRays = 512;
-  const auto count = [&](int pixels, double focal_px) {
-    return static_cast<int>(std::clamp(std::ceil(pixels * distance_voxels / focal_px), 1.0, kMostRays));
-  };
-  return {camera, count(camera.width, camera.fx), count(camera.height, camera.fy)};
 }
 
 }  // namespace
@@ -66,7 +58,8 @@ MapWindow::MapWindow(const OccupancyMap& map, const CameraModel& camera, std::sp
   const Eigen::Vector3i size(kWidth, kWidth, kHeight);
   for (const Eigen::Isometry3d& view : views) {
     const Eigen::Vector3d camera_at = region.to_voxels(view.translation()) - min_.cast<double>();
-    const RayBundle rays = rays_for(camera, std::max(1.0, (camera_at - 0.5 * size.cast<double>()).norm()));
+    const auto [columns, rows] = rays_a_voxel_apart(camera, (camera_at - 0.5 * size.cast<double>()).norm());
+    const RayBundle rays(camera, columns, rows);
     std::fill(seen.begin(), seen.end(), std::uint8_t{0});
     for (const Eigen::Vector3d& ray : rays.directions()) {
       walk_ray(camera_at, view.linear() * ray, size, [&](const Eigen::Vector3i& voxel, double, double) {

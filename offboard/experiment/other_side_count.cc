@@ -7,7 +7,6 @@
 
 #include <Eigen/Dense>
 
-#include "offboard/experiment/run_store.h"
 #include "offboard/experiment/surface_network.h"
 #include "offboard/experiment/view_set_planner.h"
 #include "offboard/planning/volume.h"
@@ -150,24 +149,15 @@ OtherSides OtherSideCount::fit(double least_expected) const {
 }
 
 std::optional<OtherSideCount> count_other_sides(const std::vector<ExperimentObject>& objects,
-                                                const OtherSideCountOptions& options, const std::atomic<bool>& stop,
+                                                const MeasuredScenesOptions& options, const std::atomic<bool>& stop,
                                                 std::ostream& terminal) {
   OtherSideCount all;
-  for (const ExperimentObject& object : objects) {
-    for (int s = 1; s <= options.seeds; ++s) {
-      const auto seed = static_cast<std::uint64_t>(s);
-      std::filesystem::path folder;
-      if (!options.cache.empty()) {
-        folder = views_folder(options.cache, {object.name, object.digest}, seed, options.run.view_radius_m);
-      }
-      SceneViews scene(object, candidates_of(options.run), seed, folder);
-      if (!scene.prepare(options.threads, stop, [](int, int) {})) return std::nullopt;
-      const std::optional<SceneTruth> truth = measure_scene(scene, options.run, stop);
-      if (!truth || stop) return std::nullopt;
-      all.add(count_scene(scene, *truth, options.run));
-      terminal << object.name << " seed " << s << ": counted" << std::endl;
-    }
-  }
+  const bool whole =
+      for_each_measured_scene(objects, options, stop, [&](const SceneViews& scene, const SceneTruth& truth) {
+        all.add(count_scene(scene, truth, options.run));
+        terminal << scene.object().name << " seed " << scene.seed() << ": counted" << std::endl;
+      });
+  if (!whole) return std::nullopt;
   return all;
 }
 

@@ -2,13 +2,12 @@
 
 #include <array>
 #include <atomic>
-#include <filesystem>
 #include <optional>
 #include <ostream>
 #include <vector>
 
 #include "offboard/experiment/expected_view.h"
-#include "offboard/experiment/method_run.h"
+#include "offboard/experiment/measured_scenes.h"
 
 namespace vantage {
 
@@ -33,18 +32,11 @@ class OtherSideCount {
   std::array<Bin, std::size_t{2} * VoxelSurroundings::kHidings * kAwayBins * kAboveBins> bins_{};
 };
 
-struct OtherSideCountOptions {
-  int seeds = 1;  ///< of each object, from 1
-  int threads = 1;
-  ExperimentOptions run;        ///< its views: looked at after each but the last
-  std::filesystem::path cache;  ///< of packed depth maps; empty: in memory alone
-};
-
-/// Lets view_set run on objects and counts after each of its views, for every view that is open. Surface is in voxels:
-/// points of the truth that the view would newly cover, over the mean of a voxel with points. Nothing when `stop` was
-/// set before the end.
+/// Lets view_set run on objects and counts after each of its views, for every view that is open; `options.run.views`
+/// are looked at after each but the last. Surface is in voxels: points of the truth that the view would newly cover,
+/// over the mean of a voxel with points. Nothing when `stop` was set before the end.
 std::optional<OtherSideCount> count_other_sides(const std::vector<ExperimentObject>& objects,
-                                                const OtherSideCountOptions& options, const std::atomic<bool>& stop,
+                                                const MeasuredScenesOptions& options, const std::atomic<bool>& stop,
                                                 std::ostream& terminal);
 
 }  // namespace vantage

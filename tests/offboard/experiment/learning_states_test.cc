@@ -23,11 +23,11 @@ class LearningStates : public testing::Test {
 
   static LearningStatesOptions options() {
     LearningStatesOptions options;
-    options.run.views = 3;
-    options.run.truth_points = 2000;
+    options.scenes.run.views = 3;
+    options.scenes.run.truth_points = 2000;
     options.runs = 3;
-    options.threads = 2;
-    options.candidates = six_views();
+    options.scenes.threads = 2;
+    options.scenes.candidates = six_views();
     return options;
   }
   std::string write() {
