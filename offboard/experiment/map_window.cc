@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 
 #include "offboard/experiment/voxel_rays.h"
+#include "offboard/experiment/voxel_surroundings.h"
 #include "offboard/gain/ray_bundle.h"
 #include "offboard/mapping/ray_walk.h"
 
@@ -26,7 +27,7 @@ MapWindow::MapWindow(const OccupancyMap& map, const CameraModel& camera, std::sp
                      const Eigen::Vector3d& focus)
     : numbers_(kVoxels) {
   const Region& region = map.region();
-  const Eigen::Vector3d at = region.to_voxels({focus.x(), focus.y(), kGround_m});
+  const Eigen::Vector3d at = region.to_voxels({focus.x(), focus.y(), VoxelSurroundings::kGround_m});
   min_ = {static_cast<int>(std::lround(at.x())) - kWidth / 2, static_cast<int>(std::lround(at.y())) - kWidth / 2,
           static_cast<int>(std::lround(at.z()))};
   const double d_max = map.sensor_model().occlusion_range_m;

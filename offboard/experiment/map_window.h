@@ -20,7 +20,6 @@ class MapWindow {
  public:
   static constexpr int kWidth = 48, kHeight = 40;  ///< voxels along x and y, along z
   static constexpr std::size_t kVoxels = std::size_t{kWidth} * kWidth * kHeight;
-  static constexpr double kGround_m = 0.0;  ///< world: the lowest voxels stand on it
 
   /// Each 0 to 127, directions -127 to 127.
   enum Channel : std::uint8_t {
@@ -37,7 +36,8 @@ class MapWindow {
   };
   using Numbers = std::array<std::int8_t, kChannels>;
 
-  /// `views`: poses (T_world_camera) from which the map was measured. `focus`: world, m; the window is centred on it.
+  /// `views`: poses (T_world_camera) from which the map was measured. `focus`: world, m; the window is centred on it,
+  /// and stands on VoxelSurroundings::kGround_m.
   MapWindow(const OccupancyMap& map, const CameraModel& camera, std::span<const Eigen::Isometry3d> views,
             const Eigen::Vector3d& focus);
 
