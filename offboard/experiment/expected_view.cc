@@ -37,7 +37,9 @@ ExpectedViews::ExpectedViews(const OccupancyMap& map, std::span<const float> sur
       sight_(static_cast<std::size_t>(region_.voxel_count())) {
   constexpr float kMostProbable = 0.9F;
   for (std::size_t i = 0; i < prior_.size(); ++i) {
-    prior_[i] = surroundings_.hiding()[i] == VoxelSurroundings::kFar ? 0 : std::min(kMostProbable, prior_[i]);
+    const bool counts =
+        surroundings_.hiding()[i] != VoxelSurroundings::kFar && static_cast<double>(prior_[i]) >= options_.least_prior;
+    prior_[i] = counts ? std::min(kMostProbable, prior_[i]) : 0;
   }
   enclose();
   turn_away();
@@ -142,25 +144,27 @@ std::vector<ExpectedVoxel> ExpectedViews::see(const RayBundle& rays, const Eigen
   const Eigen::Vector3d from = camera - box_min_.cast<double>();
   for (const Eigen::Vector3d& ray : rays.directions()) {
     float sight = 1;
-    walk_ray(from, T_world_camera.linear() * ray, box_size_, [&](const Eigen::Vector3i& voxel, double, double) {
-      const std::size_t i = index_of(region_, box_min_ + voxel);
-      const std::uint8_t kind = surroundings_.kind()[i];
-      if (kind == VoxelSurroundings::kFree) return true;
-      if (kind == VoxelSurroundings::kSolid) return false;
-      const float probability = prior_[i];
-      if (probability > 0) {
-        if (sight_[i] == 0) seen.push_back({static_cast<std::uint32_t>(i), 0});
-        sight_[i] = std::max(sight_[i], sight);
-      }
-      sight *= 1 - opacity * probability;
-      return sight >= least;
-    });
+    walk_ray(from, T_world_camera.linear() * ray, box_size_,
+             [&](const Eigen::Vector3i& voxel, double enter, double leave) {
+               const std::size_t i = index_of(region_, box_min_ + voxel);
+               const std::uint8_t kind = surroundings_.kind()[i];
+               if (kind == VoxelSurroundings::kFree) return true;
+               if (kind == VoxelSurroundings::kSolid) return false;
+               const float probability = prior_[i];
+               if (probability > 0) {
+                 if (sight_[i] == 0) seen.push_back({static_cast<std::uint32_t>(i), 0, Eigen::Vector3f::Zero()});
+                 sight_[i] = std::max(sight_[i], sight);
+               }
+               sight *= std::max(0.0F, 1 - opacity * probability * static_cast<float>(leave - enter));
+               return sight >= least;
+             });
   }
   for (ExpectedVoxel& voxel : seen) {
     const Eigen::Vector3d to_camera = (camera - centre(region_, voxel.voxel)).normalized();
     const double sight = static_cast<double>(std::exchange(sight_[voxel.voxel], 0.0F));
     const double measured = std::min(options_.most_detected, sight * detected(voxel.voxel, to_camera));
     voxel.probability = static_cast<float>(measured * not_missed_again(voxel.voxel, to_camera));
+    voxel.to_camera = to_camera.cast<float>();
   }
   return seen;
 }

@@ -17,8 +17,9 @@ namespace vantage {
 
 /// An unknown voxel that a view would probably see.
 struct ExpectedVoxel {
-  std::uint32_t voxel = 0;  ///< x + size_x (y + size_y z)
-  float probability = 0;    ///< that the view measures the surface in it, if it holds some
+  std::uint32_t voxel = 0;                              ///< x + size_x (y + size_y z)
+  float probability = 0;                                ///< that the view measures the surface in it, if it holds some
+  Eigen::Vector3f to_camera = Eigen::Vector3f::Zero();  ///< unit vector; zero when it does not matter
 };
 
 /// A view that was taken, and what it was expected to see then (nothing, for a view that nobody chose).
@@ -44,7 +45,8 @@ struct Bearing {
 
 /// Numbers found in runs on procedural objects (docs/experiment.md).
 struct ExpectedViewOptions {
-  double opacity = 0.5;       ///< share of the sight that a voxel with surface takes: it fills a part of the voxel
+  double opacity = 0.65;      ///< share of the sight that is lost on a voxel's length of way through expected surface
+  double least_prior = 0.01;  ///< where less is expected, nothing is: half of the voxels, a hundredth of the surface
   double least_sight = 0.05;  ///< a ray ends when less is left
 
   // Block matching measures what faces the camera, and misses what it sees at a slant.
@@ -59,14 +61,15 @@ struct ExpectedViewOptions {
   /// behind it comes the other side. By VoxelSurroundings' hiding, where free voxels do not tell which way surface
   /// faces and where they do.
   std::array<std::array<OtherSide, VoxelSurroundings::kHidings>, 2> other_side = {
-      {{{{-0.29, 1.00, 0.43}, {-0.16, 0.86, 0.31}, {0.17, 0.19, 0.12}}},
-       {{{0.06, 1.45, -0.05}, {0.04, 1.02, -0.13}, {0.64, 0.62, -0.37}}}}};
+      {{{{-0.03, 0.65, 0.35}, {-0.07, 0.54, 0.28}, {0.28, 0.11, 0.00}}},
+       {{{0.27, 0.98, -0.18}, {0.26, 0.36, 0.02}, {0.33, 0.27, -0.26}}}}};
 };
 
 /// What views are expected to measure, one voxel at a time. A ray's sight is 1 at first; a voxel that holds surface
-/// with probability P leaves 1 - opacity P of it, an occupied one and the ground nothing. A view measures a voxel with
-/// the largest sight of its rays, times the share that is detected at the angle, times what the other side of a seen
-/// surface is more.
+/// with probability P leaves 1 - opacity P l of it when the ray's way through it is l voxels long (counted whole, a ray
+/// along an axis would see farther than an oblique one, which meets more voxels on the same way), an occupied one and
+/// the ground nothing. A view measures a voxel with the largest sight of its rays, times the share that is detected at
+/// the angle, times what the other side of a seen surface is more.
 class ExpectedViews {
  public:
   /// `surface`: how much is expected in each voxel that is not measured yet, 1 as in a mean voxel with surface
