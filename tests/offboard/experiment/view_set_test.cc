@@ -77,7 +77,9 @@ TEST_F(BehindAWall, WhatFacesTheCameraIsMeasuredAndWhatTurnsAwayIsNot) {
 
 TEST_F(BehindAWall, WhatIsHiddenBehindAWallFacesAwayFromWhoSawTheWall) {
   const std::vector<TakenView> taken{{{-0.4, 0.105, 0.105}, {}}};
-  ExpectedViews expected(map_, surface_, taken);
+  ExpectedViewOptions options;
+  options.detected_unknown = 0.3;  // so that nothing is clipped
+  ExpectedViews expected(map_, surface_, taken, options);
   const auto first = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& target) {
     const std::vector<ExpectedVoxel> seen = expected.see(axis_, look_at(from, target));
     return seen.empty() ? -1.0 : static_cast<double>(seen.front().probability);
