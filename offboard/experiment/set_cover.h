@@ -20,15 +20,13 @@ std::array<float, kFacings> measured_by_facing(float share, const Eigen::Vector3
 ///
 /// The gain of a set S is  sum over voxels x and directions n of prior(x) / 12 (1 - prod over v in S (1 - p_v(x, n))),
 /// p_v(x, n) the probability that view v measures the surface in x if it faces n: what several views measure counts
-/// once, and what two views from opposite sides measure of one voxel is not the same. Monotone and submodular, so
-/// taking the largest gain again and again comes within 1 - 1/e of the best set of that size (Nemhauser, Wolsey and
-/// Fisher, 1978).
+/// once, and what two views from opposite sides measure of one voxel is not the same. Monotone and submodular:
+/// what a view adds never grows by what was taken before.
 class SetCover {
  public:
   /// `views`: what each view would see; `prior`: by voxel.
   SetCover(const std::vector<std::vector<ExpectedVoxel>>& views, const std::vector<float>& prior);
 
-  std::size_t size() const { return views_.size(); }
   /// What the view adds to those taken.
   double gain(std::size_t view) const;
   void take(std::size_t view);
