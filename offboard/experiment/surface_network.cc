@@ -20,9 +20,6 @@ struct LayerShape {
   bool clip;
 };
 
-constexpr int kHarmonics = 16;  // what cameras in each direction would measure: learned too, not used
-constexpr int kAnswers = kHarmonics + 1;
-
 // 0 is the window's resolution, 1 to 3 a half, a quarter, an eighth of it: down, and up again with what was known on
 // the way down.
 constexpr int kFine = 16, kHalf = 32, kQuarter = 48, kFromEighth = 32, kFromQuarter = 16;  // channels
@@ -43,7 +40,7 @@ constexpr std::array<LayerShape, kLayers> kShapes = {{
     {kHalf + kFromQuarter, kHalf, 3, 1, true},       // kUp1
     {kHalf, 8 * kFine, 1, 1, false},                 // kRise1
     {kFine, kFine, 3, 1, false},                     // kUp0
-    {kFine, kAnswers, 1, 1, false},                  // kOut
+    {kFine, 1, 1, 1, false},                         // kOut
 }};
 
 const Eigen::Vector3i kWindow(MapWindow::kWidth, MapWindow::kWidth, MapWindow::kHeight);
@@ -168,7 +165,7 @@ std::vector<float> SurfaceNetwork::expect(std::span<const MapWindow::Numbers> nu
 
   std::vector<float> surface(MapWindow::kVoxels);
   for_each_voxel([&](const Eigen::Vector3i& v, std::size_t i) {
-    const auto logit = static_cast<double>(answer.at(v.x(), v.y(), v.z())[kHarmonics]);
+    const auto logit = static_cast<double>(answer.at(v.x(), v.y(), v.z())[0]);
     surface[i] = static_cast<float>(kMost / (1 + std::exp(-logit)));
   });
   return surface;
