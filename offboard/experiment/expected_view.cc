@@ -25,24 +25,38 @@ Eigen::Vector3d centre(const Region& region, std::size_t voxel) {
   return {i - row * width + 0.5, row - layer * depth + 0.5, layer + 0.5};
 }
 
+/// Amounts by voxel of the region.
+std::vector<float> by_voxel(const ExpectedSurface& surface, const Region& region) {
+  std::vector<float> amounts(static_cast<std::size_t>(region.voxel_count()));
+  std::size_t i = 0;
+  for (int z = 0; z < surface.size.z(); ++z) {
+    for (int y = 0; y < surface.size.y(); ++y) {
+      for (int x = 0; x < surface.size.x(); ++x, ++i) {
+        const Eigen::Vector3i voxel = surface.min_corner + Eigen::Vector3i(x, y, z);
+        if (region.contains(voxel)) amounts[index_of(region, voxel)] = surface.amount[i];
+      }
+    }
+  }
+  return amounts;
+}
+
 }  // namespace
 
-ExpectedViews::ExpectedViews(const OccupancyMap& map, std::span<const float> surface, std::span<const TakenView> taken,
+ExpectedViews::ExpectedViews(const OccupancyMap& map, const ExpectedSurface& surface, std::span<const TakenView> taken,
                              const ExpectedViewOptions& options)
     : region_(map.region()),
+      surface_(surface),
       options_(options),
-      surroundings_(map, surface),
-      prior_(surface.begin(), surface.end()),
+      prior_(by_voxel(surface, region_)),
+      surroundings_(map, prior_),
       taken_(taken),
       sight_(static_cast<std::size_t>(region_.voxel_count())) {
   constexpr float kMostProbable = 0.9F;
   for (std::size_t i = 0; i < prior_.size(); ++i) {
-    const bool counts =
-        surroundings_.hiding()[i] != VoxelSurroundings::kFar && static_cast<double>(prior_[i]) >= options_.least_prior;
+    const bool counts = surroundings_.near()[i] != 0 && static_cast<double>(prior_[i]) >= options_.least_prior;
     prior_[i] = counts ? std::min(kMostProbable, prior_[i]) : 0;
   }
   enclose();
-  turn_away();
   list_misses();
 }
 
@@ -63,18 +77,6 @@ void ExpectedViews::enclose() {
   }
   box_min_ = low;
   box_size_ = (high - low + Eigen::Vector3i::Ones()).cwiseMax(0);
-}
-
-void ExpectedViews::turn_away() {
-  away_.assign(prior().size(), Eigen::Vector3f::Zero());
-  if (taken_.empty()) return;
-  for (std::size_t i = 0; i < away_.size(); ++i) {
-    if (prior()[i] == 0) continue;
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    const Eigen::Vector3d at = centre(region_, i);
-    for (const TakenView& view : taken_) sum += (at - region_.to_voxels(view.position)).normalized();
-    away_[i] = (sum / static_cast<double>(taken_.size())).cast<float>();
-  }
 }
 
 void ExpectedViews::list_misses() {
@@ -105,17 +107,10 @@ double ExpectedViews::not_missed_again(std::size_t voxel, const Eigen::Vector3d&
   return share;
 }
 
-Bearing ExpectedViews::bearing(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
-  const bool faces = surroundings_.facing()[voxel] != std::array<std::int8_t, 3>{};
-  return {faces ? 1U : 0U, std::size_t{surroundings_.hiding()[voxel]}, away_[voxel].cast<double>().dot(to_camera),
-          to_camera.z()};
-}
-
 double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
-  const Bearing at = bearing(voxel, to_camera);
   double share = options_.detected_unknown;
-  if (at.faces == 1) {
-    const std::array<std::int8_t, 3>& facing = surroundings_.facing()[voxel];
+  if (const std::array<std::int8_t, 3>& facing = surroundings_.facing()[voxel];
+      facing != std::array<std::int8_t, 3>{}) {
     const double cosine =
         Eigen::Vector3d(facing[0], facing[1], facing[2]).dot(to_camera) / VoxelSurroundings::kFacingUnit;
     share = options_.detected_averted;
@@ -124,8 +119,9 @@ double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_came
       share = std::max(share, options_.detected_facing * (1 - std::pow(slant, options_.slant_exponent)));
     }
   }
-  const OtherSide& other = options_.other_side[at.faces][at.hiding];
-  return share * std::exp(other.constant + other.away * at.away + other.above * at.above);
+  if (surface_.lean.empty()) return share;
+  const std::size_t place = surface_.place(centre(region_, voxel).array().floor().cast<int>());
+  return share * std::exp(value_at(surface_.lean[place], to_camera));
 }
 
 const RayBundle& ExpectedViews::rays_for(const CameraModel& camera, const Eigen::Isometry3d& T_world_camera) {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
 #include <span>
@@ -9,6 +8,7 @@
 
 #include <Eigen/Geometry>
 
+#include "offboard/experiment/expected_surface.h"
 #include "offboard/experiment/voxel_surroundings.h"
 #include "offboard/gain/ray_bundle.h"
 #include "offboard/mapping/occupancy_map.h"
@@ -28,21 +28,6 @@ struct TakenView {
   std::vector<ExpectedVoxel> expected;
 };
 
-/// By how much surface in a hidden voxel is measured more often from where no view was: times
-/// exp(constant + away * cosine + above * height), with the cosine between the direction to the camera and the mean
-/// direction away from the views taken (times that mean's length: 1 for one view, near 0 for views all around) and the
-/// height of the direction to the camera, -1 to 1.
-struct OtherSide {
-  double constant = 0, away = 0, above = 0;
-};
-
-/// What OtherSide goes by.
-struct Bearing {
-  std::size_t faces = 0;   ///< 1 where free voxels tell which way surface faces
-  std::size_t hiding = 0;  ///< VoxelSurroundings::Hiding
-  double away = 0, above = 0;
-};
-
 /// Numbers found in runs on procedural objects (docs/experiment.md).
 struct ExpectedViewOptions {
   double opacity = 0.65;      ///< share of the sight that is lost on a voxel's length of way through expected surface
@@ -56,26 +41,18 @@ struct ExpectedViewOptions {
   double detected_unknown = 0.7;  ///< where it is not known which way it faces
   double most_detected = 0.98;
   double miss_exponent = 8;  ///< what was missed is missed again, times cos^miss_exponent of the views' angle
-
-  /// What was hidden from the views taken faces away from them, on the whole: their sight ended at a surface, and
-  /// behind it comes the other side. By VoxelSurroundings' hiding, where free voxels do not tell which way surface
-  /// faces and where they do.
-  std::array<std::array<OtherSide, VoxelSurroundings::kHidings>, 2> other_side = {
-      {{{{-0.03, 0.65, 0.35}, {-0.07, 0.54, 0.28}, {0.28, 0.11, 0.00}}},
-       {{{0.27, 0.98, -0.18}, {0.26, 0.36, 0.02}, {0.33, 0.27, -0.26}}}}};
 };
 
 /// What views are expected to measure, one voxel at a time. A ray's sight is 1 at first; a voxel that holds surface
 /// with probability P leaves 1 - opacity P l of it when the ray's way through it is l voxels long (counted whole, a ray
 /// along an axis would see farther than an oblique one, which meets more voxels on the same way), an occupied one and
 /// the ground nothing. A view measures a voxel with the largest sight of its rays, times the share that is detected at
-/// the angle, times what the other side of a seen surface is more.
+/// the angle, times what the network knows better (ExpectedSurface::lean).
 class ExpectedViews {
  public:
-  /// `surface`: how much is expected in each voxel that is not measured yet, 1 as in a mean voxel with surface
-  /// (surface_network.h). It counts in unknown voxels near occupied ones, as a probability. `taken`: the map's views;
+  /// Its amounts count in unknown voxels near occupied ones, as probabilities. `surface`, `taken` (the map's views):
   /// must outlive it.
-  ExpectedViews(const OccupancyMap& map, std::span<const float> surface, std::span<const TakenView> taken,
+  ExpectedViews(const OccupancyMap& map, const ExpectedSurface& surface, std::span<const TakenView> taken,
                 const ExpectedViewOptions& options = {});
 
   /// Rays as far apart as voxels are in the middle of what is expected: with a fixed number a view from farther off
@@ -85,23 +62,20 @@ class ExpectedViews {
   /// Each voxel with a prior that the view is expected to see, once.
   std::vector<ExpectedVoxel> see(const RayBundle& rays, const Eigen::Isometry3d& T_world_camera);
 
-  /// Of an unknown voxel with a prior. `to_camera`: unit vector.
-  Bearing bearing(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
-
   /// Probability that it holds surface not yet measured, by voxel.
   const std::vector<float>& prior() const { return prior_; }
 
  private:
   void enclose();
-  void turn_away();
   void list_misses();
   double detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
   double not_missed_again(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
 
   Region region_;
+  const ExpectedSurface& surface_;
   ExpectedViewOptions options_;
-  VoxelSurroundings surroundings_;
   std::vector<float> prior_;
+  VoxelSurroundings surroundings_;
   std::span<const TakenView> taken_;
   struct Miss {
     Eigen::Vector3f to_camera;  // unit vector
@@ -109,7 +83,6 @@ class ExpectedViews {
   };
   std::vector<std::uint32_t> first_miss_;  // by voxel, and the end
   std::vector<Miss> misses_;
-  std::vector<Eigen::Vector3f> away_;              // by voxel: mean of the unit vectors away from the views taken
   Eigen::Vector3i box_min_, box_size_;             // voxels: holds all that is expected or occupied above the ground
   std::map<std::pair<int, int>, RayBundle> rays_;  // by columns and rows
   std::vector<float> sight_;                       // scratch, all 0 between calls

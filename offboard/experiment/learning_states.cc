@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <fstream>
+#include <map>
 #include <stdexcept>
 #include <unordered_set>
 
 #include "calib/files/input_error.h"
 #include "offboard/experiment/map_window.h"
 #include "offboard/experiment/split_mix.h"
+#include "offboard/experiment/surface_network.h"
 #include "offboard/experiment/view_set_planner.h"
 #include "offboard/planning/volume.h"
 #include "offboard/session/session_config.h"
@@ -64,7 +67,7 @@ class StateWriter {
                                      static_cast<std::uint32_t>(scene_.candidates().size()),
                                      static_cast<std::uint32_t>(voxels.size()),
                                      static_cast<std::uint32_t>(options_.runs * (options_.scenes.run.views - 1))};
-    file_ << "VANTAGE-STATES-1";
+    file_ << "VANTAGE-STATES-2";
     put(file_, numbers, std::size(numbers));
     const float in_a_voxel =
         static_cast<float>(voxels.size()) / static_cast<float>(std::max<std::size_t>(1, holding.size()));
@@ -98,6 +101,8 @@ class StateWriter {
     ViewSetPlanner planner;
     const std::unique_ptr<ViewChooser> oracle = make_chooser("oracle", scene_.seed(), truth_.by_view);
     std::uint64_t taken = 0;
+    std::vector<TakenView> taken_views;
+    std::vector<ExpectedVoxel> promised;
     std::size_t next = number == 2 ? 0 : random_.next() % open.size();
     for (int views = 1; views < options_.scenes.run.views; ++views) {
       const CandidateView view = open[next];
@@ -111,8 +116,42 @@ class StateWriter {
       const MapWindow window(volume.map(), depth.camera, poses, focus_);
       put(file_, &taken, 1);
       put(file_, window.numbers().data(), window.numbers().size());
-      next = choose(policy, {volume.map(), depth.camera, open, visited, poses}, &planner, oracle.get());
+      taken_views.push_back({view.T_world_camera.translation(), std::move(promised)});
+      const Choice choice{volume.map(), depth.camera, open, visited, poses};
+      next = choose(policy, choice, &planner, oracle.get());
+      promised = put_expected(choice, taken_views, next);
     }
+  }
+
+  /// What open candidates are expected to measure. Returns what the one at `next` is.
+  std::vector<ExpectedVoxel> put_expected(const Choice& choice, const std::vector<TakenView>& taken, std::size_t next) {
+    const auto width = static_cast<std::uint32_t>(choice.map.region().size_voxels.x()),
+               depth = static_cast<std::uint32_t>(choice.map.region().size_voxels.y());
+    ExpectedSurface surface =
+        expect_surface(SurfaceNetwork::built_in(), choice.map, choice.camera, choice.poses, focus_);
+    const std::vector<Lean> lean = std::exchange(surface.lean, {});
+    ExpectedViews expected(choice.map, surface, taken);
+    const auto see = [&](const Eigen::Isometry3d& pose) {
+      return expected.see(expected.rays_for(choice.camera, pose), pose);
+    };
+    std::map<std::uint32_t, std::vector<std::uint8_t>> shares;
+    for (const CandidateView& view : choice.open) {
+      for (const ExpectedVoxel& seen : see(view.T_world_camera)) {
+        const Eigen::Vector3i voxel(static_cast<int>(seen.voxel % width), static_cast<int>(seen.voxel / width % depth),
+                                    static_cast<int>(seen.voxel / width / depth));
+        std::vector<std::uint8_t>& of_voxel = shares[static_cast<std::uint32_t>(surface.place(voxel))];
+        of_voxel.resize(scene_.candidates().size());
+        of_voxel[static_cast<std::size_t>(view.id)] = static_cast<std::uint8_t>(std::lround(255 * seen.probability));
+      }
+    }
+    const auto count = static_cast<std::uint32_t>(shares.size());
+    put(file_, &count, 1);
+    for (const auto& [voxel, of_voxel] : shares) {
+      put(file_, &voxel, 1);
+      put(file_, of_voxel.data(), of_voxel.size());
+    }
+    surface.lean = lean;
+    return see(choice.open[next].T_world_camera);
   }
 
   const SceneViews& scene_;

@@ -16,7 +16,6 @@
 #include "calib/program.h"
 #include "offboard/experiment/experiment.h"
 #include "offboard/experiment/learning_states.h"
-#include "offboard/experiment/other_side_count.h"
 #include "offboard/experiment/procedural_shape.h"
 #include "offboard/experiment/report.h"
 #include "offboard/experiment/tune.h"
@@ -24,7 +23,6 @@
 namespace vantage {
 namespace {
 
-constexpr int kCountedViews = 10;
 constexpr int kTunedViews = 12;  // area_2_12 looks no further
 
 std::atomic<bool> interrupted = false;  // set by the signal handler alone
@@ -152,39 +150,13 @@ int tune(const Arguments& arguments) {
   return kExitOk;
 }
 
-/// What count and states look at: so many views of every object.
-MeasuredScenesOptions scenes_of(const Arguments& arguments, int views) {
-  MeasuredScenesOptions scenes;
-  scenes.seeds = arguments.seeds;
-  scenes.threads = threads_of(arguments);
-  scenes.run = options_of(arguments);
-  scenes.run.views = views;
-  scenes.cache = arguments.cache;
-  return scenes;
-}
-
-int count(const Arguments& arguments) {
-  const MeasuredScenesOptions options = scenes_of(arguments, kCountedViews);
-  const std::vector<ExperimentObject> objects = load_objects(arguments.objects, arguments.models);
-  const std::optional<OtherSideCount> counted = count_other_sides(objects, options, interrupted, std::cerr);
-  if (!counted) {
-    fmt::print(stderr, "vantage-experiment: interrupted\n");
-    return kExitFailure;
-  }
-  fmt::print("facing,hiding,constant,away,above\n");
-  const OtherSides sides = counted->fit();
-  for (std::size_t faces = 0; faces < sides.size(); ++faces) {
-    for (std::size_t hiding = 0; hiding < sides[faces].size(); ++hiding) {
-      const OtherSide& side = sides[faces][hiding];
-      fmt::print("{},{},{:.2f},{:.2f},{:.2f}\n", faces, hiding, side.constant, side.away, side.above);
-    }
-  }
-  return kExitOk;
-}
-
 int write_states(const Arguments& arguments) {
   LearningStatesOptions options;
-  options.scenes = scenes_of(arguments, kTunedViews);
+  options.scenes.seeds = arguments.seeds;
+  options.scenes.threads = threads_of(arguments);
+  options.scenes.run = options_of(arguments);
+  options.scenes.run.views = kTunedViews;
+  options.scenes.cache = arguments.cache;
   const std::vector<ExperimentObject> objects = load_objects(arguments.objects, arguments.models);
   if (write_learning_states(objects, options, arguments.out, interrupted, std::cout)) return kExitOk;
   fmt::print(stderr, "vantage-experiment: interrupted\n");
@@ -264,16 +236,6 @@ CLI::App* declare_tune(CLI::App* app, Arguments* arguments) {
   return command;
 }
 
-CLI::App* declare_count(CLI::App* app, Arguments* arguments) {
-  CLI::App* command = app->add_subcommand("count", "count on objects which sides of what was seen views find");
-  declare_scene(command, arguments);
-  command->add_option("--seeds", arguments->seeds, "seeds 1 to K of each object")
-      ->check(CLI::Range(1, 100))
-      ->capture_default_str();
-  command->add_option("--cache", arguments->cache, "folder of rendered views, to share (default: in memory)");
-  return command;
-}
-
 CLI::App* declare_states(CLI::App* app, Arguments* arguments) {
   CLI::App* command =
       app->add_subcommand("states", "write what maps of objects knew, for the surface network to learn");
@@ -311,7 +273,6 @@ int main(int argc, char** argv) {
   merge_command->add_option("parts", arguments.parts, "folders of the shards")->required();
   declare_out(merge_command, "folder of the experiment", &arguments);
   const CLI::App* tune_command = declare_tune(&app, &arguments);
-  const CLI::App* count_command = declare_count(&app, &arguments);
   const CLI::App* states_command = declare_states(&app, &arguments);
   declare_shapes(&app, &arguments);
   try {
@@ -326,7 +287,6 @@ int main(int argc, char** argv) {
   return run_program("vantage-experiment", [&] {
     if (*run_command) return run(arguments);
     if (*tune_command) return tune(arguments);
-    if (*count_command) return count(arguments);
     if (*states_command) return write_states(arguments);
     return *merge_command ? merge(arguments) : write_shapes(arguments);
   });

@@ -23,6 +23,7 @@ struct LayerShape {
 // 0 is the window's resolution, 1 to 3 a half, a quarter, an eighth of it: down, and up again with what was known on
 // the way down.
 constexpr int kFine = 16, kHalf = 32, kQuarter = 48, kFromEighth = 32, kFromQuarter = 16;  // channels
+constexpr int kLean = std::tuple_size_v<Lean>;
 // clang-format off
 enum Layer { kDown0, kStep1, kDown1, kStep2, kDown2, kStep3, kDown3, kRise3, kUp2, kRise2, kUp1, kRise1, kUp0, kOut, kLayers };
 // clang-format on
@@ -40,7 +41,7 @@ constexpr std::array<LayerShape, kLayers> kShapes = {{
     {kHalf + kFromQuarter, kHalf, 3, 1, true},       // kUp1
     {kHalf, 8 * kFine, 1, 1, false},                 // kRise1
     {kFine, kFine, 3, 1, false},                     // kUp0
-    {kFine, 1, 1, 1, false},                         // kOut
+    {kFine, 1 + kLean, 1, 1, false},                 // kOut
 }};
 
 const Eigen::Vector3i kWindow(MapWindow::kWidth, MapWindow::kWidth, MapWindow::kHeight);
@@ -146,7 +147,7 @@ SurfaceNetwork::SurfaceNetwork(std::span<const unsigned char> file) {
   if (!reader.at_end()) throw std::invalid_argument("surface network: more in the file than layers");
 }
 
-std::vector<float> SurfaceNetwork::expect(std::span<const MapWindow::Numbers> numbers) const {
+ExpectedSurface SurfaceNetwork::expect(std::span<const MapWindow::Numbers> numbers) const {
   Feature input(MapWindow::kChannels, kWindow);
   for_each_voxel([&](const Eigen::Vector3i& v, std::size_t i) {
     float* channel = input.at(v.x(), v.y(), v.z());
@@ -163,26 +164,23 @@ std::vector<float> SurfaceNetwork::expect(std::span<const MapWindow::Numbers> nu
   add_eighths(layer(kRise1, up1), &up0);
   const Feature answer = layer(kOut, up0);
 
-  std::vector<float> surface(MapWindow::kVoxels);
+  ExpectedSurface surface;
+  surface.size = kWindow;
+  surface.amount.resize(MapWindow::kVoxels);
+  surface.lean.resize(MapWindow::kVoxels);
   for_each_voxel([&](const Eigen::Vector3i& v, std::size_t i) {
-    const auto logit = static_cast<double>(answer.at(v.x(), v.y(), v.z())[0]);
-    surface[i] = static_cast<float>(kMost / (1 + std::exp(-logit)));
+    const float* channel = answer.at(v.x(), v.y(), v.z());
+    surface.amount[i] = static_cast<float>(kMost / (1 + std::exp(-static_cast<double>(channel[0]))));
+    std::copy_n(channel + 1, kLean, surface.lean[i].begin());
   });
   return surface;
 }
 
-std::vector<float> expect_surface(const SurfaceNetwork& network, const OccupancyMap& map, const CameraModel& camera,
-                                  std::span<const Eigen::Isometry3d> taken, const Eigen::Vector3d& focus) {
-  const Region& region = map.region();
+ExpectedSurface expect_surface(const SurfaceNetwork& network, const OccupancyMap& map, const CameraModel& camera,
+                               std::span<const Eigen::Isometry3d> taken, const Eigen::Vector3d& focus) {
   const MapWindow window(map, camera, taken, focus);
-  const std::vector<float> in_window = network.expect(window.numbers());
-  std::vector<float> surface(static_cast<std::size_t>(region.voxel_count()));
-  for_each_voxel([&](const Eigen::Vector3i& v, std::size_t i) {
-    const Eigen::Vector3i at = window.min_corner() + v;
-    if (!region.contains(at)) return;
-    surface[static_cast<std::size_t>(at.x() + region.size_voxels.x() * (at.y() + region.size_voxels.y() * at.z()))] =
-        in_window[i];
-  });
+  ExpectedSurface surface = network.expect(window.numbers());
+  surface.min_corner = window.min_corner();
   return surface;
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "offboard/experiment/convolution.h"
+#include "offboard/experiment/expected_surface.h"
 #include "offboard/experiment/map_window.h"
 
 namespace vantage {
@@ -21,17 +22,17 @@ class SurfaceNetwork {
   /// not.
   explicit SurfaceNetwork(std::span<const unsigned char> file);
 
-  /// How much surface that was not measured yet each voxel holds, 1 as in a mean voxel with surface, kMost at most:
-  /// what any view would measure of it. `numbers`: MapWindow::numbers(); the answer is by the same voxels.
-  std::vector<float> expect(std::span<const MapWindow::Numbers> numbers) const;
+  /// By voxel of the window, that begins at voxel 0. The amount is what any view would measure, kMost at most.
+  /// `numbers`: MapWindow::numbers().
+  ExpectedSurface expect(std::span<const MapWindow::Numbers> numbers) const;
 
  private:
   std::vector<Convolution> layers_;
 };
 
-/// What a network expects around `focus` (world, m; map_window.h), by voxel of the map's region: x + size_x (y + size_y
-/// z). `taken`: poses (T_world_camera) from which the map was measured.
-std::vector<float> expect_surface(const SurfaceNetwork& network, const OccupancyMap& map, const CameraModel& camera,
-                                  std::span<const Eigen::Isometry3d> taken, const Eigen::Vector3d& focus);
+/// What a network expects around `focus` (world, m; map_window.h). `taken`: poses (T_world_camera) from which the map
+/// was measured.
+ExpectedSurface expect_surface(const SurfaceNetwork& network, const OccupancyMap& map, const CameraModel& camera,
+                               std::span<const Eigen::Isometry3d> taken, const Eigen::Vector3d& focus);
 
 }  // namespace vantage

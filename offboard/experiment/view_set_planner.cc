@@ -29,7 +29,7 @@ std::size_t ViewSetPlanner::choose(const Choice& choice) {
     focus_ = focus_of(choice.open, region.center(region.size_voxels / 2));
     taken_.push_back({choice.position(), {}});
   }
-  const std::vector<float> surface =
+  const ExpectedSurface surface =
       expect_surface(SurfaceNetwork::built_in(), choice.map, choice.camera, choice.poses, *focus_);
   ExpectedViews expected(choice.map, surface, taken_, options_.expected);
   std::vector<std::vector<ExpectedVoxel>> views;

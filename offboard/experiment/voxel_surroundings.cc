@@ -14,16 +14,10 @@ struct Reached {
 
 }  // namespace
 
-VoxelSurroundings::Hiding VoxelSurroundings::hiding_of(double distance_m, double mark_m) {
-  if (mark_m < 0) return kInTheOpen;
-  return mark_m > distance_m + kHiddenFarther_m ? kBehindOther : kBehindNearest;
-}
-
 VoxelSurroundings::VoxelSurroundings(const OccupancyMap& map, std::span<const float> surface) {
   const auto voxels = static_cast<std::size_t>(map.region().voxel_count());
   kind_.assign(voxels, kUnknown);
-  hiding_.assign(voxels, kFar);
-  mark_m_.assign(voxels, -1);
+  near_.assign(voxels, 0);
   facing_.assign(voxels, {});
   read(map);
   spread(map.region());
@@ -46,9 +40,6 @@ void VoxelSurroundings::read(const OccupancyMap& map) {
           const std::size_t in_brick = OccupancyMap::index_in_brick({x, y, z});
           const VoxelState state = map.levels().state(dense == nullptr ? map.uniform_level(b) : dense->level[in_brick]);
           kind_[i] = state == VoxelState::kFree ? kFree : state == VoxelState::kOccupied ? kSolid : kUnknown;
-          if (dense != nullptr && dense->mark[in_brick] != 0) {
-            mark_m_[i] = static_cast<float>((dense->mark[in_brick] - 1) * map.mark_step_m());
-          }
         }
       }
     }
@@ -101,12 +92,10 @@ void VoxelSurroundings::spread(const Region& region) {
           const int apart = to.voxel[k] - to.source[k];
           squared += apart * apart;
         }
-        const double distance = std::sqrt(static_cast<double>(squared));
-        if (distance > farthest) continue;
+        if (squared > farthest * farthest) continue;
         reached[i] = 1;
         next.push_back(to);
-        if (kind_[i] != kUnknown) continue;
-        hiding_[i] = hiding_of(distance * region.resolution_m, static_cast<double>(mark_m_[i]));
+        if (kind_[i] == kUnknown) near_[i] = 1;
       }
     }
     std::swap(front, next);
@@ -134,7 +123,7 @@ void VoxelSurroundings::face(const Region& region, std::span<const float> surfac
   for (int z = 0; z < size.z(); ++z) {
     for (int y = 0; y < size.y(); ++y) {
       for (int x = 0; x < size.x(); ++x, ++i) {
-        if (hiding_[i] == kFar || surface[i] < kLeastSurface) continue;
+        if (near_[i] == 0 || surface[i] < kLeastSurface) continue;
         Eigen::Vector3d sum = Eigen::Vector3d::Zero();
         for (const Offset& offset : offsets) {
           const Eigen::Vector3i other = Eigen::Vector3i(x, y, z) + offset.voxel;

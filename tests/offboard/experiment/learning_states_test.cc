@@ -49,7 +49,7 @@ class LearningStates : public testing::Test {
 
 TEST_F(LearningStates, HoldWhatTheHeaderSays) {
   const std::string bytes = write();
-  ASSERT_EQ(bytes.substr(0, 16), "VANTAGE-STATES-1");
+  ASSERT_EQ(bytes.substr(0, 16), "VANTAGE-STATES-2");
   const auto number = [&](std::size_t i) { return at<std::uint32_t>(bytes, 16 + 4 * i); };
   EXPECT_EQ(number(0), std::uint32_t{MapWindow::kChannels});
   const std::size_t voxels = std::size_t{number(1)} * number(1) * number(2), candidates = number(3), points = number(4),
@@ -58,16 +58,17 @@ TEST_F(LearningStates, HoldWhatTheHeaderSays) {
   EXPECT_EQ(candidates, 6U);
   EXPECT_EQ(points, 2000U);
   EXPECT_EQ(states, 6U) << "two of each run: none after the last view";
-  const std::size_t begin = 44 + 12 * candidates + 12 * points, step = 8 + voxels * MapWindow::kChannels;
-  ASSERT_EQ(bytes.size(), begin + states * step);
+  std::size_t begin = 44 + 12 * candidates + 12 * points;
 
   // Views come one by one; each covers points, and what the map holds grows.
+  std::uint64_t before = 0;
   for (std::size_t state = 0; state < states; ++state) {
-    const auto taken = at<std::uint64_t>(bytes, begin + state * step);
+    const auto taken = at<std::uint64_t>(bytes, begin);
     EXPECT_EQ(std::popcount(taken), state % 2 == 0 ? 1 : 2);
     if (state % 2 == 1) {
-      EXPECT_NE(taken & at<std::uint64_t>(bytes, begin + (state - 1) * step), 0U);
+      EXPECT_EQ(taken & before, before);
     }
+    before = taken;
     std::size_t covered = 0, occupied = 0;
     for (std::size_t i = 0; i < points; ++i) {
       const auto covering = at<std::uint64_t>(bytes, 44 + 12 * candidates + 4 * points + 8 * i);
@@ -75,11 +76,29 @@ TEST_F(LearningStates, HoldWhatTheHeaderSays) {
       covered += (covering & taken) != 0;
     }
     for (std::size_t v = 0; v < voxels; ++v) {
-      occupied += bytes[begin + state * step + 8 + v * MapWindow::kChannels + MapWindow::kOccupied] != 0;
+      occupied += bytes[begin + 8 + v * MapWindow::kChannels + MapWindow::kOccupied] != 0;
     }
     EXPECT_GT(covered, points / 20) << "state " << state;
     EXPECT_GT(occupied, 200U) << "state " << state;
+
+    // Views that are still open are expected to see unknown voxels, and the others nothing.
+    const std::size_t seen_at = begin + 8 + voxels * MapWindow::kChannels;
+    const auto seen = at<std::uint32_t>(bytes, seen_at);
+    EXPECT_GT(seen, 50U) << "state " << state;
+    for (std::size_t i = 0; i < seen; ++i) {
+      const std::size_t entry = seen_at + 4 + i * (4 + candidates);
+      const auto voxel = at<std::uint32_t>(bytes, entry);
+      ASSERT_LT(voxel, voxels);
+      EXPECT_EQ(bytes[begin + 8 + voxel * MapWindow::kChannels + MapWindow::kOccupied], 0);
+      for (std::size_t view = 0; view < candidates; ++view) {
+        if (taken >> view & 1) {
+          EXPECT_EQ(bytes[entry + 4 + view], 0);
+        }
+      }
+    }
+    begin = seen_at + 4 + seen * (4 + candidates);
   }
+  EXPECT_EQ(bytes.size(), begin);
 }
 
 TEST_F(LearningStates, PointsLieInTheVoxelsThatTheMapCallsOccupied) {

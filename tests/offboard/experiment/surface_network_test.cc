@@ -58,19 +58,18 @@ class FrontOfABox : public testing::Test {
 };
 
 TEST_F(FrontOfABox, ItsSidesAreExpectedAndTheAirIsNot) {
-  const std::vector<float> surface = expect_surface(SurfaceNetwork::built_in(), map_, camera_, taken_, focus_);
-  ASSERT_EQ(surface.size(), 128U * 128 * 128);
+  const ExpectedSurface surface = expect_surface(SurfaceNetwork::built_in(), map_, camera_, taken_, focus_);
+  ASSERT_EQ(surface.amount.size(), MapWindow::kVoxels);
   const auto sum = [&](int x_begin, int x_end, int y_begin, int y_end, int z_begin, int z_end) {
     double all = 0;
     for (int z = z_begin; z < z_end; ++z) {
       for (int y = y_begin; y < y_end; ++y) {
-        for (int x = x_begin; x < x_end; ++x)
-          all += static_cast<double>(surface[static_cast<std::size_t>(x + 128 * (y + 128 * z))]);
+        for (int x = x_begin; x < x_end; ++x) all += static_cast<double>(surface.amount[surface.place({x, y, z})]);
       }
     }
     return all;
   };
-  const double all = sum(0, 128, 0, 128, 0, 128);
+  const double all = sum(40, 88, 40, 88, 64, 104);
   EXPECT_GT(all, 300) << "the back and two sides have 400 voxels each";
   EXPECT_LT(all, 3000);
   const double right = sum(56, 74, 52, 56, 66, 84), left = sum(56, 74, 72, 76, 66, 84);
@@ -79,17 +78,19 @@ TEST_F(FrontOfABox, ItsSidesAreExpectedAndTheAirIsNot) {
   EXPECT_LT(sum(76, 88, 40, 88, 66, 104), 0.05 * all) << "what was seen through before it";
 }
 
-TEST_F(FrontOfABox, NothingIsExpectedOutsideTheWindow) {
-  const std::vector<float> surface = expect_surface(SurfaceNetwork::built_in(), map_, camera_, taken_, focus_);
-  const auto at = [&](int x, int y, int z) { return surface[static_cast<std::size_t>(x + 128 * (y + 128 * z))]; };
-  EXPECT_EQ(at(39, 64, 70), 0);
-  EXPECT_EQ(at(64, 88, 70), 0);
-  EXPECT_EQ(at(64, 64, 63), 0);
-  EXPECT_EQ(at(64, 64, 104), 0);
+TEST_F(FrontOfABox, TheWindowStandsOnTheGroundAroundTheFocus) {
+  const ExpectedSurface surface = expect_surface(SurfaceNetwork::built_in(), map_, camera_, taken_, focus_);
+  EXPECT_EQ(surface.min_corner, Eigen::Vector3i(40, 40, 64));
+  EXPECT_EQ(surface.place({40, 40, 64}), 0U);
+  EXPECT_EQ(surface.place({87, 87, 103}), MapWindow::kVoxels - 1);
+  for (const Eigen::Vector3i& outside : {Eigen::Vector3i{39, 64, 70}, {64, 88, 70}, {64, 64, 63}, {64, 64, 104}}) {
+    EXPECT_EQ(surface.place(outside), MapWindow::kVoxels) << outside.transpose();
+  }
 }
 
 TEST_F(FrontOfABox, AmountsLieBetweenNothingAndTheMost) {
-  for (const float amount : SurfaceNetwork::built_in().expect(MapWindow(map_, camera_, taken_, focus_).numbers())) {
+  const MapWindow window(map_, camera_, taken_, focus_);
+  for (const float amount : SurfaceNetwork::built_in().expect(window.numbers()).amount) {
     ASSERT_GE(amount, 0);
     ASSERT_LE(static_cast<double>(amount), SurfaceNetwork::kMost);
   }
@@ -103,9 +104,12 @@ TEST(SurfaceNetwork, AnswersAsTheProgramThatLearnedIt) {
       numbers[i][c] = static_cast<std::int8_t>((i / 7 + c * 17 + i / 997) % 128);
     }
   }
-  const std::vector<float> surface = SurfaceNetwork::built_in().expect(numbers);
-  for (const auto& [voxel, expected] : kSurfaceNetworkAnswer) {
-    EXPECT_NEAR(static_cast<double>(surface[static_cast<std::size_t>(voxel)]), expected, 1e-4) << "voxel " << voxel;
+  const ExpectedSurface surface = SurfaceNetwork::built_in().expect(numbers);
+  for (const auto& [voxel, amount, above, level] : kSurfaceNetworkAnswer) {
+    const auto i = static_cast<std::size_t>(voxel);
+    EXPECT_NEAR(static_cast<double>(surface.amount[i]), amount, 1e-4) << "voxel " << voxel;
+    EXPECT_NEAR(value_at(surface.lean[i], Eigen::Vector3d::UnitZ()), above, 1e-3) << "voxel " << voxel;
+    EXPECT_NEAR(value_at(surface.lean[i], Eigen::Vector3d(0.6, 0.8, 0)), level, 1e-3) << "voxel " << voxel;
   }
 }
 

@@ -26,15 +26,9 @@ class BehindAWall : public testing::Test {
     }
     map_.set_has_marks(true);
   }
-  /// Without what the other side is more.
-  static ExpectedViewOptions either_side() {
-    ExpectedViewOptions options;
-    options.other_side = {};
-    return options;
-  }
   static Eigen::Isometry3d at(double x) { return look_at({x, 0.105, 0.105}, {0.105, 0.105, 0.105}); }
   OccupancyMap map_;
-  std::vector<float> surface_ = std::vector<float>(8000, kSurface);  // the same expected everywhere
+  ExpectedSurface surface_{{0, 0, 0}, {20, 20, 20}, std::vector<float>(8000, kSurface), {}};  // the same everywhere
   RayBundle axis_{std::vector<Eigen::Vector3d>{Eigen::Vector3d::UnitZ()}};
 };
 
@@ -44,7 +38,7 @@ TEST_F(BehindAWall, SightEndsAtTheWall) {
 }
 
 TEST_F(BehindAWall, SightFallsByWhatEachVoxelProbablyHolds) {
-  ExpectedViews expected(map_, surface_, {}, either_side());
+  ExpectedViews expected(map_, surface_, {});
   const std::vector<ExpectedVoxel> seen = expected.see(axis_, at(0.5));
   ASSERT_EQ(seen.size(), 9U);  // 19 to 11: all behind the wall, up to it
   double sight = 1;
@@ -65,7 +59,7 @@ TEST_F(BehindAWall, WhatFacesTheCameraIsMeasuredAndWhatTurnsAwayIsNot) {
     }
   }
   const auto probability = [&](const Eigen::Vector3d& from) {
-    ExpectedViews expected(map_, surface_, {}, either_side());
+    ExpectedViews expected(map_, surface_, {});
     const std::vector<ExpectedVoxel> seen = expected.see(axis_, look_at(from, {0.115, 0.105, 0.105}));
     return seen.empty() ? -1.0 : static_cast<double>(seen.front().probability);
   };
@@ -75,25 +69,37 @@ TEST_F(BehindAWall, WhatFacesTheCameraIsMeasuredAndWhatTurnsAwayIsNot) {
   EXPECT_NEAR(slant, options.detected_facing * (1 - std::pow(0.4, options.slant_exponent)), 0.02);
 }
 
-TEST_F(BehindAWall, WhatIsHiddenBehindAWallFacesAwayFromWhoSawTheWall) {
-  const std::vector<TakenView> taken{{{-0.4, 0.105, 0.105}, {}}};
+TEST_F(BehindAWall, ALeanIsByTheDirectionToTheCamera) {
+  constexpr std::size_t kAlongX = 1;
+  surface_.lean.assign(8000, Lean{});
+  for (Lean& lean : surface_.lean) lean[kAlongX] = 0.2F;
   ExpectedViewOptions options;
   options.detected_unknown = 0.3;  // so that nothing is clipped
-  ExpectedViews expected(map_, surface_, taken, options);
-  const auto first = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& target) {
-    const std::vector<ExpectedVoxel> seen = expected.see(axis_, look_at(from, target));
-    return seen.empty() ? -1.0 : static_cast<double>(seen.front().probability);
+  ExpectedViews leaning(map_, surface_, {}, options);
+  const ExpectedSurface level{surface_.min_corner, surface_.size, surface_.amount, {}};
+  ExpectedViews upright(map_, level, {}, options);
+  const auto times = [&](const Eigen::Isometry3d& from) {
+    const std::vector<ExpectedVoxel> with = leaning.see(axis_, from), without = upright.see(axis_, from);
+    EXPECT_FALSE(with.empty());
+    EXPECT_EQ(with.front().voxel, without.front().voxel);
+    return static_cast<double>(with.front().probability / without.front().probability);
   };
-  const double behind = first({0.6, 0.105, 0.105}, {0.155, 0.105, 0.105});
-  const double side = first({0.155, 0.6, 0.105}, {0.155, 0.105, 0.105});
-  EXPECT_GT(side, 0);
-  EXPECT_GT(behind, 1.5 * side);
+  EXPECT_NEAR(times(at(0.6)), std::exp(0.2), 1e-3);
+  EXPECT_NEAR(times(look_at({0.155, 0.6, 0.105}, {0.155, 0.105, 0.105})), 1, 1e-3);
+}
+
+TEST_F(BehindAWall, OutsideWhatTheNetworkLookedAtNothingIsExpected) {
+  const ExpectedSurface part{{-2, 0, 0}, {15, 20, 20}, std::vector<float>(6000, kSurface), {}};
+  const ExpectedViews expected(map_, part, {});
+  const auto at_voxel = [&](int x) { return expected.prior()[static_cast<std::size_t>(x + 20 * (10 + 20 * 10))]; };
+  EXPECT_EQ(at_voxel(12), kSurface);
+  EXPECT_EQ(at_voxel(13), 0);
 }
 
 TEST_F(BehindAWall, WhatWasMissedIsMissedFromNearThereAndNotFromElsewhere) {
   const std::uint32_t voxel = 19 + 20 * (10 + 20 * 10);
   const std::vector<TakenView> taken{{{0.6, 0.105, 0.105}, {{voxel, 0.8F, Eigen::Vector3f::Zero()}}}};
-  ExpectedViews before(map_, surface_, {}, either_side()), after(map_, surface_, taken, either_side());
+  ExpectedViews before(map_, surface_, {}), after(map_, surface_, taken);
   const auto share_left = [&](const Eigen::Vector3d& from) {
     const Eigen::Isometry3d T_world_camera = look_at(from, {0.195, 0.105, 0.105});
     const auto of = [&](ExpectedViews* views) {
@@ -135,27 +141,20 @@ TEST_F(BehindAWall, SurfaceIsExpectedInWhatIsUnknownAndNotInTheGround) {
 }
 
 TEST_F(BehindAWall, MoreThanCertainIsExpectedNowhere) {
-  const ExpectedViews expected(map_, std::vector<float>(8000, 1.7F), {});
+  surface_.amount.assign(8000, 1.7F);
+  const ExpectedViews expected(map_, surface_, {});
   for (const float prior : expected.prior()) ASSERT_LT(prior, 1);
 }
 
-TEST(VoxelSurroundings, HidingIsByTheNearestSurfaceAnotherOrNone) {
-  using Surroundings = VoxelSurroundings;
-  EXPECT_EQ(Surroundings::hiding_of(0.05, -1), Surroundings::kInTheOpen);
-  EXPECT_EQ(Surroundings::hiding_of(0.05, 0.03), Surroundings::kBehindNearest);
-  EXPECT_EQ(Surroundings::hiding_of(0.05, 0.08), Surroundings::kBehindNearest);
-  EXPECT_EQ(Surroundings::hiding_of(0.05, 0.1), Surroundings::kBehindOther);
-}
-
-TEST(VoxelSurroundings, AreKnownUpToTwentyCentimetresFromWhatWasSeen) {
+TEST(VoxelSurroundings, NearIsUpToTwentyCentimetresFromWhatWasSeen) {
   OccupancyMap map(Region{{0, 0, 0}, {64, 8, 8}, 0.01});
   map.set_log_odds({2, 4, 5}, 3);
   const VoxelSurroundings surroundings(map, std::vector<float>(64 * 8 * 8, 1));
-  const auto hiding = [&](int x) { return surroundings.hiding()[static_cast<std::size_t>(x + 64 * (4 + 8 * 5))]; };
-  EXPECT_EQ(hiding(2), VoxelSurroundings::kFar) << "known";
-  EXPECT_EQ(hiding(3), VoxelSurroundings::kInTheOpen);
-  EXPECT_EQ(hiding(22), VoxelSurroundings::kInTheOpen);
-  EXPECT_EQ(hiding(23), VoxelSurroundings::kFar);
+  const auto near = [&](int x) { return surroundings.near()[static_cast<std::size_t>(x + 64 * (4 + 8 * 5))] != 0; };
+  EXPECT_FALSE(near(2)) << "known";
+  EXPECT_TRUE(near(3));
+  EXPECT_TRUE(near(22));
+  EXPECT_FALSE(near(23));
 }
 
 TEST(VoxelSurroundings, SurfaceFacesTheFreeVoxels) {
