@@ -24,7 +24,7 @@ namespace {
 
 /// What the command line says; what it does not say stays as the configuration has it.
 struct Arguments {
-  std::optional<std::string> config, views, truth, gain;
+  std::optional<std::string> config, views, truth, method, gain;
   std::optional<std::int64_t> first_view, most_views;
   std::optional<double> gain_threshold;
   bool no_planning = false;
@@ -50,15 +50,24 @@ std::string default_session_folder() {
 void apply(const Arguments& arguments, SessionConfig* config) {
   if (arguments.truth) config->truth = *arguments.truth;
   if (arguments.no_planning) config->planning.reset();
-  const bool about_planning =
-      arguments.views || arguments.gain || arguments.first_view || arguments.most_views || arguments.gain_threshold;
+  const bool about_planning = arguments.views || arguments.method || arguments.gain || arguments.first_view ||
+                              arguments.most_views || arguments.gain_threshold;
   if (!about_planning) return;
-  if (!config->planning) throw InputError("--views, --gain and the like: this session plans no views");
+  if (!config->planning) throw InputError("--views, --method and the like: this session plans no views");
   PlanningConfig& planning = *config->planning;
   if (arguments.views) planning.views = *arguments.views;
   if (arguments.first_view) planning.planner.first_view = *arguments.first_view;
   if (arguments.most_views) planning.planner.most_views = *arguments.most_views;
   if (arguments.gain_threshold) planning.planner.gain_threshold = *arguments.gain_threshold;
+  if (arguments.method) {
+    std::string why;
+    const std::optional<PlanningMethod> method = parse_planning_method(*arguments.method, &why);
+    if (!method) throw InputError("--method " + *arguments.method + ": " + why);
+    planning.method = *method;
+  }
+  if (arguments.gain && planning.method != PlanningMethod::kUtility) {
+    throw InputError("--gain " + *arguments.gain + ": is of --method utility alone");
+  }
   if (arguments.gain) {
     std::string why;
     const std::optional<Formulation> gain = parse_formulation(*arguments.gain, &why);
@@ -174,6 +183,8 @@ int main(int argc, char** argv) {
   anew->add_flag("--overwrite", arguments.overwrite, "replace the session that the folder holds");
   anew->add_option("--config", arguments.config, "configuration file (docs/offboard.md)");
   anew->add_option("--views", arguments.views, "candidate views, lines of x y z qx qy qz qw (default: the paper's 48)");
+  anew->add_option("--method", arguments.method,
+                   "by what views are chosen: utility (gain and way), view_set (views ahead)");
   anew->add_option("--gain", arguments.gain, "information gain: combined, rear_side_entropy, occlusion_aware, ...");
   anew->add_option("--first-view", arguments.first_view, "id of the first view");
   anew->add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);

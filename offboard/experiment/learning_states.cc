@@ -9,10 +9,10 @@
 #include <unordered_set>
 
 #include "calib/files/input_error.h"
-#include "offboard/experiment/map_window.h"
 #include "offboard/experiment/split_mix.h"
-#include "offboard/experiment/surface_network.h"
-#include "offboard/experiment/view_set_planner.h"
+#include "offboard/lookahead/map_window.h"
+#include "offboard/lookahead/surface_network.h"
+#include "offboard/lookahead/view_set_planner.h"
 #include "offboard/planning/volume.h"
 #include "offboard/session/session_config.h"
 
@@ -37,7 +37,7 @@ class StateWriter {
         truth_(truth),
         options_(options),
         file_(file),
-        focus_(focus_of(scene.candidates(), Eigen::Vector3d::Zero())),
+        foot_(focus_of(scene.candidates(), Eigen::Vector3d::Zero()).cwiseProduct(Eigen::Vector3d(1, 1, 0))),
         random_(scene.seed()) {}
 
   void write() {
@@ -50,7 +50,7 @@ class StateWriter {
   void head() {
     const Region region = SessionConfig().region;
     const Volume empty(region, sensor_of(options_.scenes.run));
-    const MapWindow window(empty.map(), scene_.depth_map(0).camera, {}, focus_);
+    const MapWindow window(empty.map(), scene_.depth_map(0).camera, {}, foot_);
     const Eigen::Vector3i size(MapWindow::kWidth, MapWindow::kWidth, MapWindow::kHeight);
     std::vector<std::int32_t> voxels;
     std::unordered_set<std::int32_t> holding;
@@ -88,8 +88,8 @@ class StateWriter {
   }
 
   std::size_t choose(Policy policy, const Choice& choice, ViewSetPlanner* planner, ViewChooser* oracle) {
-    if (policy == Policy::kViewSet) return planner->choose(choice);
-    if (policy == Policy::kHalfGreedy && random_.next() % 2 == 0) return oracle->choose(choice);
+    if (policy == Policy::kViewSet) return planner->choose(choice).place;
+    if (policy == Policy::kHalfGreedy && random_.next() % 2 == 0) return oracle->choose(choice).place;
     return random_.next() % choice.open.size();
   }
 
@@ -113,7 +113,7 @@ class StateWriter {
       visited.push_back(view.id);
       poses.push_back(view.T_world_camera);
       taken |= std::uint64_t{1} << view.id;
-      const MapWindow window(volume.map(), depth.camera, poses, focus_);
+      const MapWindow window(volume.map(), depth.camera, poses, foot_);
       put(file_, &taken, 1);
       put(file_, window.numbers().data(), window.numbers().size());
       taken_views.push_back({view.T_world_camera.translation(), std::move(promised)});
@@ -128,7 +128,7 @@ class StateWriter {
     const auto width = static_cast<std::uint32_t>(choice.map.region().size_voxels.x()),
                depth = static_cast<std::uint32_t>(choice.map.region().size_voxels.y());
     ExpectedSurface surface =
-        expect_surface(SurfaceNetwork::built_in(), choice.map, choice.camera, choice.poses, focus_);
+        expect_surface(SurfaceNetwork::built_in(), choice.map, choice.camera, choice.poses, foot_);
     const std::vector<Lean> lean = std::exchange(surface.lean, {});
     ExpectedViews expected(choice.map, surface, taken);
     const auto see = [&](const Eigen::Isometry3d& pose) {
@@ -158,7 +158,7 @@ class StateWriter {
   const SceneTruth& truth_;
   const LearningStatesOptions& options_;
   std::ofstream& file_;
-  Eigen::Vector3d focus_;
+  Eigen::Vector3d foot_;
   SplitMix random_;
 };
 

@@ -113,7 +113,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
     StopWatch watch;
     const std::size_t chosen =
         visited.empty() ? static_cast<std::size_t>(first_view_of_seed(scene.seed(), scene.candidates().size()))
-                        : chooser->choose({volume.map(), camera, open, visited, poses});
+                        : chooser->choose({volume.map(), camera, open, visited, poses}).place;
     const CandidateView view = open[chosen];
     step.choose_s = watch.lap_s();
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "offboard/experiment/methods.h"
 #include "offboard/experiment/scene_views.h"
-#include "offboard/experiment/view_chooser.h"
 
 namespace vantage {
 

@@ -66,7 +66,7 @@ std::vector<std::size_t> TuningScene::visit(const CombinedWeights& weights) {
     std::vector<double> combined;
     for (const ViewGain& gain : gains_after(visited, &map)) combined.push_back(combined_gain(gain, weights));
     const Eigen::Vector3d position = candidates[visited.back()].T_world_camera.translation();
-    visited.push_back(places[choose_by_utility(open, position, combined, options_.choosing.cost_weight)]);
+    visited.push_back(places[choose_by_utility(open, position, combined, options_.choosing.cost_weight).place]);
   }
   return visited;
 }

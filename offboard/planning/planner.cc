@@ -7,9 +7,9 @@
 
 namespace vantage {
 
-Planner::Planner(Volume& volume, std::vector<CandidateView> candidates, GainFunction gain,
+Planner::Planner(Volume& volume, std::vector<CandidateView> candidates, std::unique_ptr<ViewChooser> chooser,
                  const PlannerOptions& options)
-    : volume_(volume), open_(std::move(candidates)), gain_(std::move(gain)), options_(options) {
+    : volume_(volume), open_(std::move(candidates)), chooser_(std::move(chooser)), options_(options) {
   const auto first = std::find_if(open_.begin(), open_.end(),
                                   [&](const CandidateView& view) { return view.id == options_.first_view; });
   if (first == open_.end()) {
@@ -36,6 +36,8 @@ std::optional<PlannerStep> Planner::take(const DepthMap& depth_map, std::string*
     path_m_ += (position - last_position_).norm();
   }
   last_position_ = position;
+  visited_.push_back(depth_map.view_id);
+  poses_.push_back(depth_map.T_world_camera);
   std::erase_if(open_, [&](const CandidateView& view) { return view.id == depth_map.view_id; });
 
   PlannerStep step;
@@ -62,24 +64,19 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
     step->reason = "every candidate has been visited";
     return;
   }
-  std::vector<Eigen::Isometry3d> poses;
-  for (const CandidateView& view : open_) poses.push_back(view.T_world_camera);
-  const std::vector<double> gains = gain_(volume_.map(), depth_map.camera, poses);
-  for (std::size_t i = 0; i < open_.size(); ++i) {
-    const double cost = (open_[i].T_world_camera.translation() - last_position_).norm();
-    step->scores.push_back({open_[i].id, gains[i], cost, 0});
-  }
-  compute_utilities(&step->scores);
-
-  const bool enough = std::all_of(step->scores.begin(), step->scores.end(),
-                                  [&](const ScoredView& view) { return view.gain < options_.gain_threshold; });
+  ChosenView chosen = chooser_->choose({volume_.map(), depth_map.camera, open_, visited_, poses_});
+  step->scores = std::move(chosen.scores);
+  const bool enough =
+      !step->scores.empty() && std::all_of(step->scores.begin(), step->scores.end(),
+                                           [&](const ScoredView& view) { return view.gain < options_.gain_threshold; });
   if (enough) {  // Eq. 13
     step->reason = "no view gains " + std::to_string(options_.gain_threshold) + " any more";
     return;
   }
-  const std::size_t best = *next_best_view(step->scores);
-  step->next = open_[best];
-  step->reason = "largest utility of " + std::to_string(open_.size()) + " views";
+  step->next = open_[chosen.place];
+  step->reason = std::move(chosen.reason);
 }
+
+void Planner::correct(std::vector<Eigen::Isometry3d> poses) { poses_ = std::move(poses); }
 
 }  // namespace vantage

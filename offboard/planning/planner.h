@@ -1,21 +1,16 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "lcmtypes/link/depth_map.h"
-#include "offboard/planning/utility.h"
-#include "offboard/planning/view_space.h"
+#include "offboard/planning/view_chooser.h"
 #include "offboard/planning/volume.h"
 
 namespace vantage {
-
-/// G_v of a camera at each pose (T_world_camera) in the map.
-using GainFunction = std::function<std::vector<double>(const OccupancyMap& map, const CameraModel& camera,
-                                                       const std::vector<Eigen::Isometry3d>& poses)>;
 
 struct PlannerOptions {
   std::int64_t first_view = 0;   ///< id of the view that is taken without a decision
@@ -26,10 +21,10 @@ struct PlannerOptions {
 
 /// What one depth map led to.
 struct PlannerStep {
-  std::int64_t step = 0;           ///< depth maps integrated, this one included
-  std::int64_t view_id = 0;        ///< where it was taken
-  double path_m = 0;               ///< length of the polygon through all views so far
-  std::vector<ScoredView> scores;  ///< of the candidates still open, by id; empty when the limit on views stopped first
+  std::int64_t step = 0;              ///< depth maps integrated, this one included
+  std::int64_t view_id = 0;           ///< where it was taken
+  double path_m = 0;                  ///< length of the polygon through all views so far
+  std::vector<ScoredView> scores;     ///< of the candidates still open, by id; empty when a limit stopped first
   std::optional<CandidateView> next;  ///< nothing: the run is over
   std::string reason;                 ///< why this view, or why it is over
 };
@@ -39,15 +34,15 @@ enum class PlannerState {
   kFinished
 };
 
-/// Next-best-view planning, one decision per depth map (paper.md, "Decision"):
-/// integrate → cost of each candidate → gain of each → utility → next best view → stop or go.
+/// Next-best-view planning, one decision per depth map (paper.md, "Decision"): integrate → choose → stop or go.
 ///
 /// Deterministic: the same maps in the same order give the same steps to the bit. Knows neither time nor network.
-/// Visited views leave the candidate set. Movement cost is the distance between camera positions (Eq. 16).
+/// Visited views leave the candidate set.
 class Planner {
  public:
   /// `volume` must outlive it. \throws InputError when there is no candidate `options.first_view`.
-  Planner(Volume& volume, std::vector<CandidateView> candidates, GainFunction gain, const PlannerOptions& options);
+  Planner(Volume& volume, std::vector<CandidateView> candidates, std::unique_ptr<ViewChooser> chooser,
+          const PlannerOptions& options);
 
   PlannerState state() const { return state_; }
   /// The view that is to be taken now; nothing when finished.
@@ -57,12 +52,17 @@ class Planner {
   /// with the reason in `why` and nothing changed, when the run is over or the map can't be integrated.
   std::optional<PlannerStep> take(const DepthMap& depth_map, std::string* why);
 
+  /// The depth maps so far were taken elsewhere than they said, and the volume was made anew. \pre one pose of each
+  void correct(std::vector<Eigen::Isometry3d> poses);
+
  private:
   void decide(const DepthMap& depth_map, PlannerStep* step);
 
   Volume& volume_;
   std::vector<CandidateView> open_;  // not visited yet, by id
-  GainFunction gain_;
+  std::vector<std::int64_t> visited_;
+  std::vector<Eigen::Isometry3d> poses_;  // of the visited views
+  std::unique_ptr<ViewChooser> chooser_;
   PlannerOptions options_;
   PlannerState state_ = PlannerState::kAwaitingMap;
   std::optional<CandidateView> goal_;

@@ -16,7 +16,7 @@
 #include "lcmtypes/link/depth_codec.h"
 #include "lcmtypes/link/message_bus.h"
 #include "lcmtypes/link/pose_fields.h"
-#include "offboard/gain/view_gain.h"
+#include "offboard/lookahead/view_set_planner.h"
 #include "offboard/mapping/octomap_io.h"
 #include "offboard/session/view_page.h"
 
@@ -30,15 +30,15 @@ std::vector<CandidateView> candidates_of(const PlanningConfig& planning) {
   return planning.views.empty() ? cylinder_views() : read_views(planning.views);
 }
 
-GainFunction gain_function(const PlanningConfig& planning) {
-  return [planning](const OccupancyMap& map, const CameraModel& camera, const std::vector<Eigen::Isometry3d>& poses) {
-    GainOptions options;
-    options.threads = gain_threads();
-    const RayBundle rays(camera, planning.ray_columns, planning.ray_rows);
-    std::vector<double> gains;
-    for (const ViewGain& view : evaluate_views(map, rays, poses, options)) gains.push_back(view[planning.gain]);
-    return gains;
-  };
+std::unique_ptr<ViewChooser> chooser_of(const PlanningConfig& planning) {
+  if (planning.method == PlanningMethod::kViewSet) {
+    ViewSetOptions options;
+    options.expected.ground_m = planning.ground_m;
+    return std::make_unique<ViewSetPlanner>(options);
+  }
+  GainOptions options;
+  options.threads = gain_threads();
+  return std::make_unique<UtilityChooser>(gain_of(planning.gain, planning.ray_columns, planning.ray_rows, options));
 }
 
 std::vector<Eigen::Vector3f> read_truth(const std::filesystem::path& path) {
@@ -81,7 +81,7 @@ Session::Session(const SessionConfig& config, const Clock& clock, std::ostream& 
       cloud_(config.region, config.cloud),
       started_(clock.monotonic()) {
   if (config_.planning) {
-    planner_ = std::make_unique<Planner>(volume_, candidates_of(*config_.planning), gain_function(*config_.planning),
+    planner_ = std::make_unique<Planner>(volume_, candidates_of(*config_.planning), chooser_of(*config_.planning),
                                          config_.planning->planner);
   }
   if (!config_.truth.empty()) coverage_.emplace(read_truth(config_.truth), config_.coverage_distance_m);
@@ -242,6 +242,7 @@ void Session::make_anew_when_moved() {
     volume_.integrate(*depth_map);  // it was taken before
     show(*depth_map);
   }
+  if (planner_) planner_->correct(cameras_);
 }
 
 bool Session::take(const depth_map_t& message, std::string* why) {

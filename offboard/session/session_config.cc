@@ -58,6 +58,18 @@ void read_sensor(YamlMap map, SensorModel* sensor) {
 
 void read_planning(YamlMap map, const std::filesystem::path& folder, PlanningConfig* planning) {
   if (map.has("views")) planning->views = folder / map.text("views");
+  if (map.has("method")) {
+    std::string why;
+    const std::optional<PlanningMethod> method = parse_planning_method(map.text("method"), &why);
+    if (!method) map.fail("method", why);
+    planning->method = *method;
+  }
+  for (const char* key : {"gain", "rays"}) {
+    if (planning->method != PlanningMethod::kUtility && map.has(key)) map.fail(key, "is of method: utility alone");
+  }
+  if (planning->method != PlanningMethod::kViewSet && map.has("ground"))
+    map.fail("ground", "is of method: view_set alone");
+  if (map.has("ground")) planning->ground_m = map.quantity("ground", Quantity::kLength);
   if (map.has("gain")) {
     std::string why;
     const std::optional<Formulation> gain = parse_formulation(map.text("gain"), &why);
@@ -95,6 +107,13 @@ void read_cloud(YamlMap map, SurfaceCloudOptions* cloud) {
 }
 
 }  // namespace
+
+std::optional<PlanningMethod> parse_planning_method(const std::string& name, std::string* why) {
+  if (name == "utility") return PlanningMethod::kUtility;
+  if (name == "view_set") return PlanningMethod::kViewSet;
+  *why = "there is no method \"" + name + "\"; there are utility, view_set";
+  return std::nullopt;
+}
 
 SessionConfig parse_session_config(const std::string& text, const std::string& name,
                                    const std::filesystem::path& folder) {
@@ -145,11 +164,15 @@ std::string to_yaml(const SessionConfig& config) {
   if (const auto& planning = config.planning) {
     text += "planning:\n";
     if (!planning->views.empty()) text += fmt::format("  views: \"{}\"\n", planning->views.string());
-    text += fmt::format(
-        "  gain: {}\n  rays: [{}, {}]\n  first_view: {}\n  most_views: {}\n  gain_threshold: {}\n  most_time: {}\n",
-        name_of(planning->gain), planning->ray_columns, planning->ray_rows, planning->planner.first_view,
-        planning->planner.most_views, planning->planner.gain_threshold,
-        quantity(planning->planner.most_seconds, Quantity::kDuration));
+    if (planning->method == PlanningMethod::kUtility) {
+      text += fmt::format("  method: utility\n  gain: {}\n  rays: [{}, {}]\n", name_of(planning->gain),
+                          planning->ray_columns, planning->ray_rows);
+    } else {
+      text += fmt::format("  method: view_set\n  ground: {}\n", quantity(planning->ground_m, Quantity::kLength));
+    }
+    text += fmt::format("  first_view: {}\n  most_views: {}\n  gain_threshold: {}\n  most_time: {}\n",
+                        planning->planner.first_view, planning->planner.most_views, planning->planner.gain_threshold,
+                        quantity(planning->planner.most_seconds, Quantity::kDuration));
   } else {
     text += "plan: false\n";
   }

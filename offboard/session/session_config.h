@@ -12,11 +12,22 @@
 
 namespace vantage {
 
+/// By what the next view is chosen.
+enum class PlanningMethod {
+  kUtility,  ///< the paper's: a gain against the way (UtilityChooser)
+  kViewSet   ///< several views ahead (ViewSetPlanner)
+};
+
+/// "utility" or "view_set"; nothing for another name, with the names there are in `why`.
+std::optional<PlanningMethod> parse_planning_method(const std::string& name, std::string* why);
+
 /// How views are chosen.
 struct PlanningConfig {
+  PlanningMethod method = PlanningMethod::kUtility;
   std::filesystem::path views;  ///< candidate file; empty: the paper's 48 views on cylinder and half-sphere
-  Formulation gain = Formulation::kCombined;  ///< with the paper's weights for simulation
+  Formulation gain = Formulation::kCombined;  ///< with the paper's weights for simulation; of kUtility, as the rays
   int ray_columns = 80, ray_rows = 60;
+  double ground_m = 0;  ///< height of what the object stands on, world; of kViewSet
   PlannerOptions planner;
 };
 

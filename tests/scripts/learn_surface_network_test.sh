@@ -35,10 +35,10 @@ loss() { tail -n 1 "$1" | sed 's/.*loss //'; }
 "$learn" states --out one.bin --steps 12 --batch 2 >one.out || fail "learning: $(cat one.out)"
 "$learn" states --out two.bin --steps 12 --batch 2 >two.out || fail "learning again"
 cmp one.bin two.bin || fail "the same steps gave another network"
-(($(stat -c %s one.bin) == $(stat -c %s "$root/offboard/experiment/surface_network.bin"))) || fail "of another size"
+(($(stat -c %s one.bin) == $(stat -c %s "$root/offboard/lookahead/surface_network.bin"))) || fail "of another size"
 
 # The program's network knows more than one that has hardly begun; it is not changed by a rate of nearly nothing.
-"$learn" states --out on.bin --steps 12 --batch 2 --rate 1e-9 --begin "$root/offboard/experiment/surface_network.bin" >on.out ||
+"$learn" states --out on.bin --steps 12 --batch 2 --rate 1e-9 --begin "$root/offboard/lookahead/surface_network.bin" >on.out ||
   fail "going on: $(cat on.out)"
 awk -v new="$(loss one.out)" -v learned="$(loss on.out)" 'BEGIN { exit !(learned < 0.8 * new) }' ||
   fail "loss of the program's network $(loss on.out), of a new one $(loss one.out)"

@@ -94,13 +94,14 @@ await_view() {
   fail "view $1 does not come"
 }
 
-# --- The whole way: twelve views, at least 85 % of the teapot, and the same decisions again from the log.
-test_reconstruction() {
-  expect_status 0 "$root/scripts/run-simulation" "$scratch" "$teapot" 1 --most-views 12
-  local last
+# reconstruct VIEWS LEAST ARGUMENT...: the teapot, at least so much of it, and the same decisions again from the log.
+reconstruct() {
+  local views=$1 least=$2 last
+  shift 2
+  expect_status 0 "$root/scripts/run-simulation" "$scratch" "$teapot" 1 --most-views "$views" "$@"
   last=$(tail -n 1 "$scratch/out.log")
-  [[ $last =~ ^coverage\ (0\.[0-9]{3})\ after\ 12\ views$ ]] || fail "last line is \"$last\""
-  awk -v c="${BASH_REMATCH[1]}" 'BEGIN { exit !(c >= 0.85) }' || fail "$last: less than 0.85"
+  [[ $last =~ ^coverage\ (0\.[0-9]{3})\ after\ $views\ views$ ]] || fail "last line is \"$last\""
+  awk -v c="${BASH_REMATCH[1]}" -v least="$least" 'BEGIN { exit !(c >= least) }' || fail "$last: less than $least"
   for file in log.lcm steps.csv scores.csv map.ot mesh.ply cloud.ply view.html config.yaml; do
     [[ -s $scratch/$file ]] || fail "$file is missing"
   done
@@ -111,6 +112,10 @@ test_reconstruction() {
   [[ $(tail -n 1 "$scratch/out.log") == "$last" ]] || fail "the replay ends with another line"
   echo "$last"
 }
+
+# --- The whole way, as the paper plans and several views ahead.
+test_reconstruction() { reconstruct 12 0.85; }
+test_reconstruction_ahead() { reconstruct 6 0.88 --method view_set; }
 
 # --- The same with one camera on a carrier that is off by 2 mm and 0.2 degrees: tracking, and depth from small motions.
 test_reconstruction_mono() {
@@ -293,6 +298,8 @@ test_bad_input() {
   expect_error "views.txt:2: the number nan is not finite" "${offboard[@]}" --views "$scratch/views.txt"
   expect_error "there is no view 99" "${offboard[@]}" --first-view 99
   expect_error "rear_side_entropy" "${offboard[@]}" --gain best
+  expect_error "view_set" "${offboard[@]}" --method best
+  expect_error "of --method utility alone" "${offboard[@]}" --method view_set --gain combined
   [[ ! -e $scratch/session ]] || fail "left a session behind"
 
   local mono=$root/calib/rigs/simulated_mono.yaml

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <memory>
 #include <set>
 #include <string>
 
@@ -11,6 +12,7 @@
 
 #include "calib/files/input_error.h"
 #include "offboard/gain/view_gain.h"
+#include "offboard/lookahead/view_set_planner.h"
 #include "offboard/planning/planner.h"
 #include "offboard/session/session_config.h"
 #include "offboard/session/surface_coverage.h"
@@ -130,7 +132,7 @@ TEST_F(BoxScene, AFormulationsRunIsThePlannersOfTheSession) {
         gains.push_back(view[formulation]);
       return gains;
     };
-    Planner planner(volume, six_views(), gain, {.first_view = 0, .most_views = 6});
+    Planner planner(volume, six_views(), std::make_unique<UtilityChooser>(gain), {.first_view = 0, .most_views = 6});
     std::vector<std::int64_t> planned;
     while (planner.goal()) {
       planned.push_back(planner.goal()->id);
@@ -141,6 +143,21 @@ TEST_F(BoxScene, AFormulationsRunIsThePlannersOfTheSession) {
     for (const MethodStep& step : run(std::string(name_of(formulation))).steps) ran.push_back(step.view_id);
     EXPECT_EQ(ran, planned);
   }
+}
+
+TEST_F(BoxScene, AViewSetsRunIsThePlannersOfTheSession) {
+  const SessionConfig session;
+  Volume volume(session.region, session.sensor);
+  Planner planner(volume, six_views(), std::make_unique<ViewSetPlanner>(), {.first_view = 0, .most_views = 6});
+  std::vector<std::int64_t> planned;
+  while (planner.goal()) {
+    planned.push_back(planner.goal()->id);
+    std::string why;
+    ASSERT_TRUE(planner.take(scene_->depth_map(static_cast<std::size_t>(planner.goal()->id)), &why)) << why;
+  }
+  std::vector<std::int64_t> ran;
+  for (const MethodStep& step : run("view_set").steps) ran.push_back(step.view_id);
+  EXPECT_EQ(ran, planned);
 }
 
 TEST_F(BoxScene, WithoutCostAFormulationGoesToTheLargestGain) {

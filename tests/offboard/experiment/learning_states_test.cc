@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "calib/files/input_error.h"
-#include "offboard/experiment/map_window.h"
+#include "offboard/lookahead/map_window.h"
 #include "tests/offboard/experiment/box_scene.h"
 
 namespace vantage {

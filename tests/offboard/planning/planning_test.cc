@@ -92,17 +92,20 @@ class PlannerTest : public testing::Test {
     map.utime = utime;
     return map;
   }
-  GainFunction by_x_ = [](const OccupancyMap&, const CameraModel&, const std::vector<Eigen::Isometry3d>& poses) {
-    std::vector<double> gains;
-    for (const auto& pose : poses) gains.push_back(pose.translation().x());
-    return gains;
-  };
+  static std::unique_ptr<ViewChooser> by_x() {
+    return std::make_unique<UtilityChooser>(
+        [](const OccupancyMap&, const CameraModel&, const std::vector<Eigen::Isometry3d>& poses) {
+          std::vector<double> gains;
+          for (const auto& pose : poses) gains.push_back(pose.translation().x());
+          return gains;
+        });
+  }
   Volume volume_{Region{}, SensorModel{}};
   std::string why_;
 };
 
 TEST_F(PlannerTest, GoesToTheLargestUtilityAndNeverTwice) {
-  Planner planner(volume_, views_on_a_line(4), by_x_, {.first_view = 1, .most_views = 10});
+  Planner planner(volume_, views_on_a_line(4), by_x(), {.first_view = 1, .most_views = 10});
   ASSERT_EQ(planner.goal()->id, 1);
   // From x = 1: gains 0, 2, 3; costs 1, 1, 2: utilities -1/4, 2/5 - 1/4, 3/5 - 2/4.
   auto step = planner.take(map_of(*planner.goal()), &why_);
@@ -125,7 +128,7 @@ TEST_F(PlannerTest, GoesToTheLargestUtilityAndNeverTwice) {
 }
 
 TEST_F(PlannerTest, StopsAtTheLimitOfViews) {
-  Planner planner(volume_, views_on_a_line(4), by_x_, {.most_views = 2});
+  Planner planner(volume_, views_on_a_line(4), by_x(), {.most_views = 2});
   planner.take(map_of(*planner.goal()), &why_);
   const auto step = planner.take(map_of(*planner.goal()), &why_);
   EXPECT_EQ(step->reason, "the limit of 2 views is reached");
@@ -133,7 +136,7 @@ TEST_F(PlannerTest, StopsAtTheLimitOfViews) {
 }
 
 TEST_F(PlannerTest, StopsWhenNoViewGainsEnough) {  // Eq. 13
-  Planner planner(volume_, views_on_a_line(4), by_x_, {.most_views = 10, .gain_threshold = 2.5});
+  Planner planner(volume_, views_on_a_line(4), by_x(), {.most_views = 10, .gain_threshold = 2.5});
   auto step = planner.take(map_of(*planner.goal()), &why_);
   EXPECT_TRUE(step->next);  // view 3 gains 3
   step = planner.take(map_of(views_on_a_line(4)[3]), &why_);
@@ -142,14 +145,14 @@ TEST_F(PlannerTest, StopsWhenNoViewGainsEnough) {  // Eq. 13
 }
 
 TEST_F(PlannerTest, StopsAtTheLimitOfTimeByTheMapsOwnTimes) {
-  Planner planner(volume_, views_on_a_line(4), by_x_, {.most_views = 10, .most_seconds = 5});
+  Planner planner(volume_, views_on_a_line(4), by_x(), {.most_views = 10, .most_seconds = 5});
   EXPECT_TRUE(planner.take(map_of(*planner.goal(), 1'000'000), &why_)->next);
   EXPECT_TRUE(planner.take(map_of(*planner.goal(), 5'900'000), &why_)->next);
   EXPECT_FALSE(planner.take(map_of(*planner.goal(), 6'000'000), &why_)->next);
 }
 
 TEST_F(PlannerTest, ARefusedMapChangesNothing) {
-  Planner planner(volume_, views_on_a_line(4), by_x_, {});
+  Planner planner(volume_, views_on_a_line(4), by_x(), {});
   DepthMap bad = map_of(*planner.goal());
   bad.T_world_camera.translation().x() = std::nan("");
   EXPECT_FALSE(planner.take(bad, &why_));
@@ -160,7 +163,7 @@ TEST_F(PlannerTest, ARefusedMapChangesNothing) {
 }
 
 TEST_F(PlannerTest, AFirstViewThatIsNotThereIsNamed) {
-  EXPECT_THROW(Planner(volume_, views_on_a_line(4), by_x_, {.first_view = 4}), InputError);
+  EXPECT_THROW(Planner(volume_, views_on_a_line(4), by_x(), {.first_view = 4}), InputError);
 }
 
 }  // namespace

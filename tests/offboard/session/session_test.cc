@@ -59,6 +59,9 @@ class SessionTest : public testing::Test {
     return pack_depth_map(map);
   }
 
+  /// A live session of three views, and the same from its log.
+  void run_and_replay();
+
   void run(Session& session) {
     std::string why;
     for (std::int64_t id = 1; !session.finished(); ++id) ASSERT_TRUE(session.take(answer(session, id), &why)) << why;
@@ -72,7 +75,7 @@ class SessionTest : public testing::Test {
   std::atomic<bool> never_ = false;
 };
 
-TEST_F(SessionTest, AReplayGivesTheSameFilesToTheByte) {
+void SessionTest::run_and_replay() {
   write_ply(folder_ / "surface.ply", {{{0, 0, 0.1F}, {0.1F, 0, 0.2F}}, {}, {}});
   std::ofstream(folder_ / "candidates.txt") << "0.6 0 0.2 -0.5 -0.5 0.5 0.5\n0 0.6 0.2 0 -0.7071068 0.7071068 0\n"
                                                "0.6 0 0.4 -0.5 -0.5 0.5 0.5\n-0.6 0 0.3 0.5 -0.5 0.5 -0.5\n";
@@ -97,6 +100,15 @@ TEST_F(SessionTest, AReplayGivesTheSameFilesToTheByte) {
     EXPECT_FALSE(text_of(folder_ / "live" / file).empty()) << file;
   }
   EXPECT_TRUE(read_map(folder_ / "live" / "map.ot") == again.map());
+}
+
+TEST_F(SessionTest, AReplayGivesTheSameFilesToTheByte) { run_and_replay(); }
+
+TEST_F(SessionTest, AReplayOfAViewSetGivesTheSameFilesToTheByte) {
+  config_.planning->method = PlanningMethod::kViewSet;
+  run_and_replay();
+  EXPECT_NE(text_of(folder_ / "live" / "steps.csv").find("begins the best tour of"), std::string::npos)
+      << text_of(folder_ / "live" / "steps.csv");
 }
 
 key_pose_t key_pose(const depth_map_t& map, const Eigen::Isometry3d& T_world_camera) {
@@ -265,7 +277,13 @@ TEST(SessionConfig, IsReadBackToTheBit) {
   EXPECT_EQ(to_yaml(again), text);
   EXPECT_TRUE(again.region == config.region);
   EXPECT_TRUE(again.sensor == config.sensor);
+  EXPECT_EQ(again.planning->method, config.planning->method);
   EXPECT_EQ(again.planning->gain, config.planning->gain);
+  config.planning->method = PlanningMethod::kViewSet;
+  config.planning->ground_m = 0.7;
+  const SessionConfig of_view_set = parse_session_config(to_yaml(config), "text", "");
+  EXPECT_EQ(of_view_set.planning->method, PlanningMethod::kViewSet);
+  EXPECT_EQ(of_view_set.planning->ground_m, 0.7);
   config.planning.reset();
   EXPECT_FALSE(parse_session_config(to_yaml(config), "text", "").planning);
 }
@@ -279,6 +297,8 @@ TEST(SessionConfig, FaultsNameLineAndKey) {
   EXPECT_NE(message("region:\n  resolution: 1 cm\n  min: [0 m, 0 m, 0 m]\n  size: [1 mm, 1 m, 1 m]\n").find("c.yaml:5"),
             std::string::npos);
   EXPECT_NE(message("planning:\n  gain: most\n").find("occlusion_aware"), std::string::npos);
+  EXPECT_NE(message("planning:\n  method: guess\n").find("view_set"), std::string::npos);
+  EXPECT_NE(message("planning:\n  method: view_set\n  gain: entropy\n").find("gain: is of"), std::string::npos);
   EXPECT_NE(message("plan: false\nplanning:\n  gain: entropy\n").find("contradicts"), std::string::npos);
   EXPECT_NE(message("planning:\n  rays: [0, 60]\n").find("rays"), std::string::npos);
 }

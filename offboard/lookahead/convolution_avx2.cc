@@ -1,0 +1,3 @@
+#include "offboard/lookahead/convolution_lanes.h"
+
+void vantage::convolution_kernel::avx2(const Row& row) { convolve_row<8>(row); }

@@ -1,0 +1,58 @@
+#include "offboard/lookahead/view_tour.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace vantage {
+namespace {
+
+struct Tour {
+  std::vector<std::size_t> views;
+  double worth = 0;
+  std::vector<double> gains;  // of each view after these, or after a part of them: no less, for it is submodular
+
+  bool operator<(const Tour& other) const {  // the better comes first
+    return worth != other.worth ? worth > other.worth : views < other.views;
+  }
+};
+
+}  // namespace
+
+std::vector<std::size_t> best_tour(const Eigen::Vector3d& from, std::span<const Eigen::Vector3d> positions,
+                                   double reference, const ViewTourOptions& options, SetCover* cover) {
+  constexpr double kRounding = 1e-5;  // of gains, which are sums of floats
+  std::vector<Tour> tours(1);
+  tours.front().gains.assign(positions.size(), std::numeric_limits<double>::infinity());
+  double discount = 1;
+  for (std::size_t length = 0; length < std::min(options.length, positions.size()); ++length) {
+    const std::size_t most = length == 0 ? positions.size() : options.kept;
+    std::vector<Tour> longer;
+    for (Tour& tour : tours) {
+      cover->clear();
+      for (const std::size_t view : tour.views) cover->take(view);
+      const Eigen::Vector3d& at = tour.views.empty() ? from : positions[tour.views.back()];
+      std::vector<std::pair<std::size_t, double>> added;  // view, worth of the tour with it
+      for (std::size_t view = 0; view < positions.size(); ++view) {
+        if (std::find(tour.views.begin(), tour.views.end(), view) != tour.views.end()) continue;
+        const double way = options.way_weight_per_m * (positions[view] - at).norm();
+        const auto worth_with = [&](double gain) { return tour.worth + discount * (gain / reference - way); };
+        if (longer.size() == most && worth_with(tour.gains[view]) + kRounding < longer.back().worth) continue;
+        tour.gains[view] = cover->gain(view);
+        added.emplace_back(view, worth_with(tour.gains[view]));
+      }
+      for (const auto& [view, worth] : added) {
+        Tour& next = longer.emplace_back(tour.views, worth, tour.gains);
+        next.views.push_back(view);
+      }
+      std::sort(longer.begin(), longer.end());
+      if (longer.size() > most) longer.resize(most);
+    }
+    tours = std::move(longer);
+    discount *= options.discount;
+  }
+  cover->clear();
+  return tours.front().views;
+}
+
+}  // namespace vantage
