@@ -6,6 +6,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -51,6 +52,25 @@ class BoxScene : public testing::Test {
   }
   static MethodRun run(const std::string& method) {
     return *run_method(*scene_, *truth_, method, options(), kNeverStop);
+  }
+  /// Views of a method's run.
+  static std::vector<std::int64_t> ran(const std::string& method) {
+    std::vector<std::int64_t> views;
+    for (const MethodStep& step : run(method).steps) views.push_back(step.view_id);
+    return views;
+  }
+  /// Views to which a session's planner goes.
+  static std::vector<std::int64_t> planned(std::unique_ptr<ViewChooser> chooser) {
+    const SessionConfig session;
+    Volume volume(session.region, session.sensor);
+    Planner planner(volume, six_views(), std::move(chooser), {.first_view = 0, .most_views = 6});
+    std::vector<std::int64_t> views;
+    while (planner.goal()) {
+      views.push_back(planner.goal()->id);
+      std::string why;
+      EXPECT_TRUE(planner.take(scene_->depth_map(static_cast<std::size_t>(planner.goal()->id)), &why)) << why;
+    }
+    return views;
   }
 
   static inline ExperimentObject* object_ = nullptr;
@@ -123,41 +143,13 @@ TEST_F(BoxScene, MotionIsThePolygonThroughTheViews) {
 
 TEST_F(BoxScene, AFormulationsRunIsThePlannersOfTheSession) {
   for (const Formulation formulation : {Formulation::kOcclusionAware, Formulation::kCombined}) {
-    const SessionConfig session;
-    Volume volume(session.region, session.sensor);
-    const auto gain = [&](const OccupancyMap& map, const CameraModel& camera,
-                          const std::vector<Eigen::Isometry3d>& poses) {
-      std::vector<double> gains;
-      for (const ViewGain& view : evaluate_views(map, RayBundle(camera, 80, 60), poses))
-        gains.push_back(view[formulation]);
-      return gains;
-    };
-    Planner planner(volume, six_views(), std::make_unique<UtilityChooser>(gain), {.first_view = 0, .most_views = 6});
-    std::vector<std::int64_t> planned;
-    while (planner.goal()) {
-      planned.push_back(planner.goal()->id);
-      std::string why;
-      ASSERT_TRUE(planner.take(scene_->depth_map(static_cast<std::size_t>(planner.goal()->id)), &why)) << why;
-    }
-    std::vector<std::int64_t> ran;
-    for (const MethodStep& step : run(std::string(name_of(formulation))).steps) ran.push_back(step.view_id);
-    EXPECT_EQ(ran, planned);
+    EXPECT_EQ(ran(std::string(name_of(formulation))),
+              planned(std::make_unique<UtilityChooser>(gain_of(formulation, 80, 60))));
   }
 }
 
 TEST_F(BoxScene, AViewSetsRunIsThePlannersOfTheSession) {
-  const SessionConfig session;
-  Volume volume(session.region, session.sensor);
-  Planner planner(volume, six_views(), std::make_unique<ViewSetPlanner>(), {.first_view = 0, .most_views = 6});
-  std::vector<std::int64_t> planned;
-  while (planner.goal()) {
-    planned.push_back(planner.goal()->id);
-    std::string why;
-    ASSERT_TRUE(planner.take(scene_->depth_map(static_cast<std::size_t>(planner.goal()->id)), &why)) << why;
-  }
-  std::vector<std::int64_t> ran;
-  for (const MethodStep& step : run("view_set").steps) ran.push_back(step.view_id);
-  EXPECT_EQ(ran, planned);
+  EXPECT_EQ(ran("view_set"), planned(std::make_unique<ViewSetPlanner>()));
 }
 
 TEST_F(BoxScene, WithoutCostAFormulationGoesToTheLargestGain) {
