@@ -119,16 +119,15 @@ class StateWriter {
       taken_views.push_back({view.T_world_camera.translation(), std::move(promised)});
       const Choice choice{volume.map(), depth.camera, open, visited, poses};
       next = choose(policy, choice, &planner, oracle.get());
-      promised = put_expected(choice, taken_views, next);
+      promised = put_expected(choice, window, taken_views, next);
     }
   }
 
   /// What open candidates are expected to measure. Returns what the one at `next` is.
-  std::vector<ExpectedVoxel> put_expected(const Choice& choice, const std::vector<TakenView>& taken, std::size_t next) {
-    const auto width = static_cast<std::uint32_t>(choice.map.region().size_voxels.x()),
-               depth = static_cast<std::uint32_t>(choice.map.region().size_voxels.y());
-    ExpectedSurface surface =
-        expect_surface(SurfaceNetwork::built_in(), choice.map, choice.camera, choice.poses, foot_);
+  std::vector<ExpectedVoxel> put_expected(const Choice& choice, const MapWindow& window,
+                                          const std::vector<TakenView>& taken, std::size_t next) {
+    const Region& region = choice.map.region();
+    ExpectedSurface surface = SurfaceNetwork::built_in().expect(window);
     const std::vector<Lean> lean = std::exchange(surface.lean, {});
     ExpectedViews expected(choice.map, surface, taken);
     const auto see = [&](const Eigen::Isometry3d& pose) {
@@ -137,9 +136,8 @@ class StateWriter {
     std::map<std::uint32_t, std::vector<std::uint8_t>> shares;
     for (const CandidateView& view : choice.open) {
       for (const ExpectedVoxel& seen : see(view.T_world_camera)) {
-        const Eigen::Vector3i voxel(static_cast<int>(seen.voxel % width), static_cast<int>(seen.voxel / width % depth),
-                                    static_cast<int>(seen.voxel / width / depth));
-        std::vector<std::uint8_t>& of_voxel = shares[static_cast<std::uint32_t>(surface.place(voxel))];
+        const std::size_t place = surface.place(region.voxel_of(seen.voxel));
+        std::vector<std::uint8_t>& of_voxel = shares[static_cast<std::uint32_t>(place)];
         of_voxel.resize(scene_.candidates().size());
         of_voxel[static_cast<std::size_t>(view.id)] = static_cast<std::uint8_t>(std::lround(255 * seen.probability));
       }

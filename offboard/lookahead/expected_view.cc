@@ -12,17 +12,9 @@
 namespace vantage {
 namespace {
 
-std::size_t index_of(const Region& region, const Eigen::Vector3i& voxel) {
-  const Eigen::Matrix<std::size_t, 3, 1> v = voxel.cast<std::size_t>(), size = region.size_voxels.cast<std::size_t>();
-  return v.x() + size.x() * (v.y() + size.y() * v.z());
-}
-
 /// In voxels.
-Eigen::Vector3d centre(const Region& region, std::size_t voxel) {
-  const auto i = static_cast<std::uint32_t>(voxel), width = static_cast<std::uint32_t>(region.size_voxels.x()),
-             depth = static_cast<std::uint32_t>(region.size_voxels.y());
-  const std::uint32_t row = i / width, layer = row / depth;
-  return {i - row * width + 0.5, row - layer * depth + 0.5, layer + 0.5};
+Eigen::Vector3d centre(const Region& region, std::uint32_t voxel) {
+  return region.voxel_of(voxel).cast<double>() + Eigen::Vector3d::Constant(0.5);
 }
 
 /// Amounts by voxel of the region.
@@ -33,7 +25,7 @@ std::vector<float> by_voxel(const ExpectedSurface& surface, const Region& region
     for (int y = 0; y < surface.size.y(); ++y) {
       for (int x = 0; x < surface.size.x(); ++x, ++i) {
         const Eigen::Vector3i voxel = surface.min_corner + Eigen::Vector3i(x, y, z);
-        if (region.contains(voxel)) amounts[index_of(region, voxel)] = surface.amount[i];
+        if (region.contains(voxel)) amounts[region.index_of(voxel)] = surface.amount[i];
       }
     }
   }
@@ -98,7 +90,7 @@ void ExpectedViews::list_misses() {
   });
 }
 
-double ExpectedViews::not_missed_again(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
+double ExpectedViews::not_missed_again(std::uint32_t voxel, const Eigen::Vector3d& to_camera) const {
   double share = 1;
   for (std::uint32_t m = first_miss_[voxel]; m < first_miss_[voxel + 1]; ++m) {
     const double cosine = to_camera.dot(misses_[m].to_camera.cast<double>());
@@ -107,7 +99,7 @@ double ExpectedViews::not_missed_again(std::size_t voxel, const Eigen::Vector3d&
   return share;
 }
 
-double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const {
+double ExpectedViews::detected(std::uint32_t voxel, const Eigen::Vector3d& to_camera) const {
   double share = options_.detected_unknown;
   if (const std::array<std::int8_t, 3>& facing = surroundings_.facing()[voxel];
       facing != std::array<std::int8_t, 3>{}) {
@@ -120,7 +112,7 @@ double ExpectedViews::detected(std::size_t voxel, const Eigen::Vector3d& to_came
     }
   }
   if (surface_.lean.empty()) return share;
-  const std::size_t place = surface_.place(centre(region_, voxel).array().floor().cast<int>());
+  const std::size_t place = surface_.place(region_.voxel_of(voxel));
   const double lean = std::clamp(value_at(surface_.lean[place], to_camera), -options_.most_lean, options_.most_lean);
   return share * std::exp(lean);
 }
@@ -143,13 +135,13 @@ std::vector<ExpectedVoxel> ExpectedViews::see(const RayBundle& rays, const Eigen
     float sight = 1;
     walk_ray(from, T_world_camera.linear() * ray, box_size_,
              [&](const Eigen::Vector3i& voxel, double enter, double leave) {
-               const std::size_t i = index_of(region_, box_min_ + voxel);
+               const std::uint32_t i = region_.index_of(box_min_ + voxel);
                const std::uint8_t kind = surroundings_.kind()[i];
                if (kind == VoxelSurroundings::kFree) return true;
                if (kind == VoxelSurroundings::kSolid) return false;
                const float probability = prior_[i];
                if (probability > 0) {
-                 if (sight_[i] == 0) seen.push_back({static_cast<std::uint32_t>(i), 0, Eigen::Vector3f::Zero()});
+                 if (sight_[i] == 0) seen.push_back({i, 0, Eigen::Vector3f::Zero()});
                  sight_[i] = std::max(sight_[i], sight);
                }
                sight *= std::max(0.0F, 1 - opacity * probability * static_cast<float>(leave - enter));

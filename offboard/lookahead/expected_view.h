@@ -17,7 +17,7 @@ namespace vantage {
 
 /// An unknown voxel that a view would probably see.
 struct ExpectedVoxel {
-  std::uint32_t voxel = 0;                              ///< x + size_x (y + size_y z)
+  std::uint32_t voxel = 0;                              ///< Region::index_of
   float probability = 0;                                ///< that the view measures the surface in it, if it holds some
   Eigen::Vector3f to_camera = Eigen::Vector3f::Zero();  ///< unit vector; zero when it does not matter
 };
@@ -70,8 +70,8 @@ class ExpectedViews {
  private:
   void enclose();
   void list_misses();
-  double detected(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
-  double not_missed_again(std::size_t voxel, const Eigen::Vector3d& to_camera) const;
+  double detected(std::uint32_t voxel, const Eigen::Vector3d& to_camera) const;
+  double not_missed_again(std::uint32_t voxel, const Eigen::Vector3d& to_camera) const;
 
   Region region_;
   const ExpectedSurface& surface_;

@@ -176,10 +176,8 @@ ExpectedSurface SurfaceNetwork::expect(std::span<const MapWindow::Numbers> numbe
   return surface;
 }
 
-ExpectedSurface expect_surface(const SurfaceNetwork& network, const OccupancyMap& map, const CameraModel& camera,
-                               std::span<const Eigen::Isometry3d> taken, const Eigen::Vector3d& foot) {
-  const MapWindow window(map, camera, taken, foot);
-  ExpectedSurface surface = network.expect(window.numbers());
+ExpectedSurface SurfaceNetwork::expect(const MapWindow& window) const {
+  ExpectedSurface surface = expect(window.numbers());
   surface.min_corner = window.min_corner();
   return surface;
 }

@@ -25,14 +25,11 @@ class SurfaceNetwork {
   /// By voxel of the window, that begins at voxel 0. The amount is what any view would measure, kMost at most.
   /// `numbers`: MapWindow::numbers().
   ExpectedSurface expect(std::span<const MapWindow::Numbers> numbers) const;
+  /// The same, where the window is in the map.
+  ExpectedSurface expect(const MapWindow& window) const;
 
  private:
   std::vector<Convolution> layers_;
 };
-
-/// What a network expects above `foot` (world, m, on the ground; map_window.h). `taken`: poses (T_world_camera) from
-/// which the map was measured.
-ExpectedSurface expect_surface(const SurfaceNetwork& network, const OccupancyMap& map, const CameraModel& camera,
-                               std::span<const Eigen::Isometry3d> taken, const Eigen::Vector3d& foot);
 
 }  // namespace vantage

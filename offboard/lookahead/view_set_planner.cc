@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "offboard/lookahead/map_window.h"
 #include "offboard/lookahead/set_cover.h"
 #include "offboard/lookahead/surface_network.h"
 #include "offboard/lookahead/view_tour.h"
@@ -22,6 +23,12 @@ std::size_t nearest(const Choice& choice) {
   return static_cast<std::size_t>(found - choice.open.begin());
 }
 
+double way_between(const std::vector<TakenView>& views) {
+  double way_m = 0;
+  for (std::size_t i = 1; i < views.size(); ++i) way_m += (views[i].position - views[i - 1].position).norm();
+  return way_m;
+}
+
 }  // namespace
 
 ChosenView ViewSetPlanner::choose(const Choice& choice) {
@@ -36,8 +43,8 @@ ChosenView ViewSetPlanner::choose(const Choice& choice) {
   }
   for (std::size_t i = 0; i < taken_.size(); ++i) taken_[i].position = choice.poses[i].translation();
 
-  const ExpectedSurface surface =
-      expect_surface(SurfaceNetwork::built_in(), choice.map, choice.camera, choice.poses, *foot_);
+  const MapWindow window(choice.map, choice.camera, choice.poses, *foot_);
+  const ExpectedSurface surface = SurfaceNetwork::built_in().expect(window);
   ExpectedViews expected(choice.map, surface, taken_, options_.expected);
   std::vector<std::vector<ExpectedVoxel>> views;
   std::vector<Eigen::Vector3d> positions;
@@ -60,10 +67,13 @@ ChosenView ViewSetPlanner::choose(const Choice& choice) {
     if (first_gain_ == 0) first_gain_ = largest_gain;
     const double reference =
         std::pow(first_gain_, options_.first_share) * std::pow(largest_gain, 1 - options_.first_share);
+    ViewTourOptions options = options_.tour;
+    const double dearer = way_between(taken_) / options_.dear_after_m;
+    options.way_weight_per_m *= std::max(1.0, dearer * dearer);
     for (ScoredView& view : chosen.scores) {
-      view.utility = view.gain / reference - options_.tour.way_weight_per_m * view.cost;
+      view.utility = view.gain / reference - options.way_weight_per_m * view.cost;
     }
-    const std::vector<std::size_t> tour = best_tour(choice.position(), positions, reference, options_.tour, &cover);
+    const std::vector<std::size_t> tour = best_tour(choice.position(), positions, reference, options, &cover);
     chosen.place = tour.front();
     chosen.reason = "begins the best tour of " + std::to_string(tour.size()) + " views";
   }

@@ -13,7 +13,8 @@ namespace vantage {
 struct ViewSetOptions {
   ViewTourOptions tour;
   ExpectedViewOptions expected;
-  double first_share = 0.6;  ///< of the reference, 0 to 1: first^first_share present^(1 - first_share)
+  double first_share = 0.6;   ///< of the reference, 0 to 1: first^first_share present^(1 - first_share)
+  double dear_after_m = 3.5;  ///< over 0: after that much way of the run, a metre costs (way / dear_after_m)^2 times
 };
 
 /// Looks further than one view: plans the next views as a set with a tour through it, goes to the tour's first view,
@@ -22,9 +23,10 @@ struct ViewSetOptions {
 ///
 /// Its tour is best_tour's (view_tour.h), with a weighted geometric mean of the largest gain of a view at the run's
 /// first choice and at present as reference: at the end, when little is to be gained, it goes less far for the same
-/// share of it. It tells ExpectedViews what the views that it chose should have measured, where they were taken: what
-/// they missed is missed again from near there. A score's gain is what a view would measure by itself, in mean voxels
-/// of surface; its utility that view's own worth. Deterministic. For one run.
+/// share of it; and metres grow dear with the way that the run has made, so that an object that goes on hiding a little
+/// here and there does not make the robot wander. It tells ExpectedViews what the views that it chose should have
+/// measured, where they were taken: what they missed is missed again from near there. A score's gain is what a view
+/// would measure by itself, in mean voxels of surface; its utility that view's own worth. Deterministic. For one run.
 class ViewSetPlanner : public ViewChooser {
  public:
   explicit ViewSetPlanner(const ViewSetOptions& options = {}) : options_(options) {}

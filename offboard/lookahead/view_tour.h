@@ -14,7 +14,7 @@ struct ViewTourOptions {
   std::size_t length = 5;          ///< views, at least 1
   std::size_t kept = 24;           ///< tours of each length from two views on, at least 1
   double discount = 0.8;           ///< of a view's worth for each view before it
-  double way_weight_per_m = 0.03;  ///< worth of the reference gain, for each metre of way
+  double way_weight_per_m = 0.02;  ///< worth of the reference gain, for each metre of way
 };
 
 /// The views of the best tour, in its order: that with the largest  sum over i of discount^i (gain_i / reference -

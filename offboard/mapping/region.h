@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include <Eigen/Core>
@@ -35,6 +36,16 @@ struct Region {
 
   bool contains(const Eigen::Vector3i& voxel) const {
     return (voxel.array() >= 0).all() && (voxel.array() < size_voxels.array()).all();
+  }
+  /// Place of a voxel of the region in an array of all: x + size_x (y + size_y z).
+  std::uint32_t index_of(const Eigen::Vector3i& voxel) const {
+    return static_cast<std::uint32_t>(voxel.x() + size_voxels.x() * (voxel.y() + size_voxels.y() * voxel.z()));
+  }
+  /// The voxel at that place.
+  Eigen::Vector3i voxel_of(std::uint32_t index) const {
+    const auto width = static_cast<std::uint32_t>(size_voxels.x()), depth = static_cast<std::uint32_t>(size_voxels.y());
+    const std::uint32_t row = index / width, layer = row / depth;
+    return Eigen::Matrix<std::uint32_t, 3, 1>(index - row * width, row - layer * depth, layer).cast<int>();
   }
   /// Centre of a voxel, world, m.
   Eigen::Vector3d center(const Eigen::Vector3i& voxel) const {

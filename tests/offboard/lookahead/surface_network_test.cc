@@ -58,7 +58,7 @@ class FrontOfABox : public testing::Test {
 };
 
 TEST_F(FrontOfABox, ItsSidesAreExpectedAndTheAirIsNot) {
-  const ExpectedSurface surface = expect_surface(SurfaceNetwork::built_in(), map_, camera_, taken_, foot_);
+  const ExpectedSurface surface = SurfaceNetwork::built_in().expect(MapWindow(map_, camera_, taken_, foot_));
   ASSERT_EQ(surface.amount.size(), MapWindow::kVoxels);
   const auto sum = [&](int x_begin, int x_end, int y_begin, int y_end, int z_begin, int z_end) {
     double all = 0;
@@ -79,7 +79,7 @@ TEST_F(FrontOfABox, ItsSidesAreExpectedAndTheAirIsNot) {
 }
 
 TEST_F(FrontOfABox, TheWindowStandsOnTheGroundAroundItsFoot) {
-  const ExpectedSurface surface = expect_surface(SurfaceNetwork::built_in(), map_, camera_, taken_, foot_);
+  const ExpectedSurface surface = SurfaceNetwork::built_in().expect(MapWindow(map_, camera_, taken_, foot_));
   EXPECT_EQ(surface.min_corner, Eigen::Vector3i(40, 40, 64));
   EXPECT_EQ(surface.place({40, 40, 64}), 0U);
   EXPECT_EQ(surface.place({87, 87, 103}), MapWindow::kVoxels - 1);

@@ -209,6 +209,24 @@ TEST_F(BehindAWall, TheSetGoesRoundTheWall) {
   EXPECT_EQ(planner.choose({map_, camera, open, visited, poses}).place, 1U);
 }
 
+TEST_F(BehindAWall, MetresGrowDearWithTheWayThatTheRunHasMade) {
+  const CameraModel camera{64, 48, 60, 60, 31.5, 23.5, Distortion::kNone, {}};
+  const std::vector<CandidateView> open{{1, at(-0.35)}, {2, at(0.55)}};
+  const auto price_after = [&](double way_m) {
+    const std::vector<std::int64_t> visited{0, 3, 4};
+    const std::vector<Eigen::Isometry3d> poses{at(-0.3), at(-0.3 - way_m / 2), at(-0.3)};
+    const ChosenView chosen = ViewSetPlanner().choose({map_, camera, open, visited, poses});
+    const ScoredView& most = chosen.scores[1];  // its gain is the reference, for this planner's first choice
+    EXPECT_GT(most.gain, chosen.scores[0].gain);
+    return (1 - most.utility) / most.cost;
+  };
+  const ViewSetOptions options;
+  const double price = options.tour.way_weight_per_m;
+  EXPECT_NEAR(price_after(0), price, 1e-9);
+  EXPECT_NEAR(price_after(options.dear_after_m), price, 1e-9);
+  EXPECT_NEAR(price_after(2 * options.dear_after_m), 4 * price, 1e-9);
+}
+
 TEST_F(BehindAWall, WhatIsBelowTheGroundIsNotExpected) {
   ExpectedViewOptions options;
   options.ground_m = 0.1;

@@ -15,6 +15,22 @@ const double kLogOdds4 = std::log(4.0);  // of 0.8
 
 Region small_region() { return Region::cube({0, 0, 0}, 0.32, 0.01); }
 
+TEST(Region, EachVoxelHasItsPlaceInAnArrayOfAll) {
+  const Region region{{0, 0, 0}, {7, 5, 3}, 0.01};
+  std::uint32_t place = 0;
+  for (int z = 0; z < 3; ++z) {
+    for (int y = 0; y < 5; ++y) {
+      for (int x = 0; x < 7; ++x, ++place) {
+        ASSERT_EQ(region.index_of({x, y, z}), place);
+        ASSERT_EQ(region.voxel_of(place), Eigen::Vector3i(x, y, z));
+      }
+    }
+  }
+  const Region largest{{0, 0, 0}, Eigen::Vector3i::Constant(Region::kMaxSizeVoxels), 0.01};
+  const Eigen::Vector3i last = Eigen::Vector3i::Constant(Region::kMaxSizeVoxels - 1);
+  EXPECT_EQ(largest.voxel_of(largest.index_of(last)), last);
+}
+
 TEST(OccupancyMap, StartsUnobservedWithLn2NatsAVoxel) {
   const OccupancyMap map(small_region());
   EXPECT_EQ(map.region().voxel_count(), 32 * 32 * 32);
