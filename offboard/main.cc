@@ -26,7 +26,7 @@ namespace {
 struct Arguments {
   std::optional<std::string> config, views, truth, method, gain;
   std::optional<std::int64_t> first_view, most_views;
-  std::optional<double> gain_threshold;
+  std::optional<double> gain_threshold, most_way_m;
   bool no_planning = false;
   std::string session;
   bool overwrite = false;
@@ -51,7 +51,7 @@ void apply(const Arguments& arguments, SessionConfig* config) {
   if (arguments.truth) config->truth = *arguments.truth;
   if (arguments.no_planning) config->planning.reset();
   const bool about_planning = arguments.views || arguments.method || arguments.gain || arguments.first_view ||
-                              arguments.most_views || arguments.gain_threshold;
+                              arguments.most_views || arguments.gain_threshold || arguments.most_way_m;
   if (!about_planning) return;
   if (!config->planning) throw InputError("--views, --method and the like: this session plans no views");
   PlanningConfig& planning = *config->planning;
@@ -59,6 +59,7 @@ void apply(const Arguments& arguments, SessionConfig* config) {
   if (arguments.first_view) planning.planner.first_view = *arguments.first_view;
   if (arguments.most_views) planning.planner.most_views = *arguments.most_views;
   if (arguments.gain_threshold) planning.planner.gain_threshold = *arguments.gain_threshold;
+  if (arguments.most_way_m) planning.planner.most_way_m = *arguments.most_way_m;
   if (arguments.method) {
     std::string why;
     const std::optional<PlanningMethod> method = parse_planning_method(*arguments.method, &why);
@@ -188,6 +189,7 @@ int main(int argc, char** argv) {
   anew->add_option("--gain", arguments.gain, "information gain: combined, rear_side_entropy, occlusion_aware, ...");
   anew->add_option("--first-view", arguments.first_view, "id of the first view");
   anew->add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);
+  anew->add_option("--most-way", arguments.most_way_m, "go no farther in all, m")->check(CLI::PositiveNumber);
   anew->add_option("--gain-threshold", arguments.gain_threshold, "stop when no view gains as much (Eq. 13)");
   anew->add_option("--truth", arguments.truth, "PLY with points of the true surface, for the coverage");
   anew->add_flag("--no-planning", arguments.no_planning, "integrate what comes; choose no views");

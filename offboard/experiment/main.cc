@@ -105,6 +105,7 @@ int run(const Arguments& arguments) {
   settings.clamp_min = options.clamp_min;
   settings.clamp_max = options.clamp_max;
   settings.view_radius_m = options.view_radius_m;
+  settings.most_way_m = options.most_way_m;
   if (!arguments.weights.empty()) settings.weights = digest_of_file(arguments.weights);
   for (const ExperimentObject& object : objects) settings.objects.push_back({object.name, object.digest});
   RunStore store(arguments.out, settings, start_of(arguments));
@@ -210,6 +211,9 @@ CLI::App* declare_run(CLI::App* app, Arguments* arguments) {
       ->delimiter(',')
       ->capture_default_str();
   command->add_option("--views", arguments->options.views, "of a run")->check(CLI::Range(1, 48))->capture_default_str();
+  command->add_option("--most-way", arguments->options.most_way_m, "of a run, m; 0: no limit")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
   command->add_option("--seeds", arguments->seeds, "seeds 1 to K, of noise, texture and first view")
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str();

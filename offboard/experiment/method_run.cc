@@ -107,14 +107,22 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
   double motion_m = 0;
 
   const auto views = std::min(static_cast<std::size_t>(options.views), scene.candidates().size());
+  CandidateView view = open[static_cast<std::size_t>(first_view_of_seed(scene.seed(), scene.candidates().size()))];
   while (visited.size() < views) {
     if (stop) return std::nullopt;
     MethodStep step;
     StopWatch watch;
-    const std::size_t chosen =
-        visited.empty() ? static_cast<std::size_t>(first_view_of_seed(scene.seed(), scene.candidates().size()))
-                        : chooser->choose({volume.map(), camera, open, visited, poses}).place;
-    const CandidateView view = open[chosen];
+    if (!visited.empty()) {
+      Choice choice{volume.map(), camera, open, visited, poses};
+      std::vector<CandidateView> within;
+      if (options.most_way_m > 0) {
+        choice.way_left_m = options.most_way_m - motion_m;
+        within = views_within(open, choice.position(), choice.way_left_m);
+        if (within.empty()) break;
+        choice.open = within;
+      }
+      view = choice.open[chooser->choose(choice).place];
+    }
     step.choose_s = watch.lap_s();
 
     const auto place = std::find_if(scene.candidates().begin(), scene.candidates().end(),
@@ -139,7 +147,11 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
     camera = map.camera;
     poses.push_back(view.T_world_camera);
     visited.push_back(view.id);
-    open.erase(open.begin() + static_cast<std::ptrdiff_t>(chosen));
+    std::erase_if(open, [&](const CandidateView& other) { return other.id == view.id; });
+  }
+  while (run.steps.size() < views) {
+    const MethodStep& last = run.steps.back();
+    run.steps.push_back({last.step + 1, last.view_id, last.coverage, last.entropy_nats, last.motion_m, 0, 0, 0, 0});
   }
   return run;
 }

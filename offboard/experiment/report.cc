@@ -200,10 +200,11 @@ void write_report(const RunStore& store, const std::vector<MethodRun>& runs) {
   html += fmt::format(
       "<h1>Ways to choose the next view</h1>\n<p>{} runs of {} views, cost weight {}, {} x {} rays, clamped to [{}, "
       "{}], "
-      "views at {} m. Curves are means over the seeds (noise, texture, first view); bands go from the least to the "
+      "views at {} m{}. Curves are means over the seeds (noise, texture, first view); bands go from the least to the "
       "largest. &plusmn; is the confidence interval of the mean at 95 % (Student's t over the seeds).</p>\n",
       runs.size(), settings.views, settings.cost_weight, settings.ray_columns, settings.ray_rows, settings.clamp_min,
-      settings.clamp_max, settings.view_radius_m);
+      settings.clamp_max, settings.view_radius_m,
+      settings.most_way_m > 0 ? fmt::format(", a way of {} m at most", settings.most_way_m) : "");
   html += "<h2>Held against the paper's statements, and ours</h2>\n" + verdict_list(judge_statements(runs, objects));
   if (std::any_of(runs.begin(), runs.end(), [](const MethodRun& run) { return is_paper_method(run.method); })) {
     html += kCauses;

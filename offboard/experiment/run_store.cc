@@ -39,6 +39,7 @@ std::vector<std::array<std::string, 2>> shared_values(const StoreSettings& s) {
           {"rays", fmt::format("{}x{}", s.ray_columns, s.ray_rows)},
           {"clamp", fmt::format("{},{}", s.clamp_min, s.clamp_max)},
           {"view_radius", fmt::format("{}", s.view_radius_m)},
+          {"most_way", fmt::format("{}", s.most_way_m)},
           {"weights", s.weights}};
 }
 
@@ -62,6 +63,7 @@ bool take_setting(const std::vector<std::string>& words, StoreSettings* s) {
   if (name == "rays") return parse_two(value, 'x', &s->ray_columns, &s->ray_rows);
   if (name == "clamp") return parse_two(value, ',', &s->clamp_min, &s->clamp_max);
   if (name == "view_radius") return parse(value, &s->view_radius_m);
+  if (name == "most_way") return parse(value, &s->most_way_m);
   if (name == "weights") return s->weights = value, true;
   return false;
 }

@@ -24,6 +24,7 @@ struct StoreSettings {
   int ray_columns = 80, ray_rows = 60;
   double clamp_min = 0.03, clamp_max = 0.97;
   double view_radius_m = 0.6;
+  double most_way_m = 0;         ///< 0: no limit
   std::string weights = "none";  ///< digest of the learned weights
   struct Object {
     std::string name, digest;

@@ -70,6 +70,7 @@ ChosenView ViewSetPlanner::choose(const Choice& choice) {
     ViewTourOptions options = options_.tour;
     const double dearer = way_between(taken_) / options_.dear_after_m;
     options.way_weight_per_m *= std::max(1.0, dearer * dearer);
+    options.most_way_m = choice.way_left_m;
     for (ScoredView& view : chosen.scores) {
       view.utility = view.gain / reference - options.way_weight_per_m * view.cost;
     }

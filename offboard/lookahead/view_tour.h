@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -11,16 +12,18 @@
 namespace vantage {
 
 struct ViewTourOptions {
-  std::size_t length = 5;          ///< views, at least 1
-  std::size_t kept = 24;           ///< tours of each length from two views on, at least 1
-  double discount = 0.8;           ///< of a view's worth for each view before it
-  double way_weight_per_m = 0.02;  ///< worth of the reference gain, for each metre of way
+  std::size_t length = 5;                                       ///< views, at least 1
+  std::size_t kept = 24;                                        ///< tours of each length from two views on, at least 1
+  double discount = 0.8;                                        ///< of a view's worth for each view before it
+  double way_weight_per_m = 0.02;                               ///< worth of the reference gain, for each metre of way
+  double most_way_m = std::numeric_limits<double>::infinity();  ///< of the whole tour
 };
 
 /// The views of the best tour, in its order: that with the largest  sum over i of discount^i (gain_i / reference -
-/// way_weight * length_i),  gain_i what the i-th view adds to those before it, length_i (m) the way to it. `from`,
-/// `positions`: world, m, the latter by view of `cover`. As many views as `options` says or there are; ties go to the
-/// tour that comes first by view. Views taken of `cover` are forgotten. \pre there is a view, and reference > 0
+/// way_weight_per_m * length_i),  gain_i what the i-th view adds to those before it, length_i (m) the way to it.
+/// `from`, `positions`: world, m, the latter by view of `cover`. As many views as `options` says, or there are, or lie
+/// on so much way; ties go to the tour that comes first by view. Views taken of `cover` are forgotten. \pre a view lies
+/// within most_way_m, and reference > 0
 ///
 /// A beam search: every first view, every second one, and from then on the best tours are made longer. It is lazy as
 /// Minoux's greedy (1978) is: a gain is computed again only where its old value, which bounds it, would bring the tour

@@ -64,7 +64,18 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
     step->reason = "every candidate has been visited";
     return;
   }
-  ChosenView chosen = chooser_->choose({volume_.map(), depth_map.camera, open_, visited_, poses_});
+  std::vector<CandidateView> within;
+  Choice choice{volume_.map(), depth_map.camera, open_, visited_, poses_};
+  if (options_.most_way_m > 0) {
+    choice.way_left_m = options_.most_way_m - path_m_;
+    within = views_within(open_, last_position_, choice.way_left_m);
+    if (within.empty()) {
+      step->reason = "no view lies within the limit of " + std::to_string(options_.most_way_m) + " m of way";
+      return;
+    }
+    choice.open = within;
+  }
+  ChosenView chosen = chooser_->choose(choice);
   step->scores = std::move(chosen.scores);
   const bool enough =
       !step->scores.empty() && std::all_of(step->scores.begin(), step->scores.end(),
@@ -73,7 +84,7 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
     step->reason = "no view gains " + std::to_string(options_.gain_threshold) + " any more";
     return;
   }
-  step->next = open_[chosen.place];
+  step->next = choice.open[chosen.place];
   step->reason = std::move(chosen.reason);
 }
 

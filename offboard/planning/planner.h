@@ -17,6 +17,7 @@ struct PlannerOptions {
   std::int64_t most_views = 20;  ///< stop after so many depth maps
   double gain_threshold = 0;     ///< g_thresh of Eq. 13: stop when no view gains as much; 0: never
   double most_seconds = 0;       ///< stop so long after the first depth map, by the maps' own times; 0: never
+  double most_way_m = 0;         ///< go no farther in all, by straight lines; stop when no view is as near; 0: no limit
 };
 
 /// What one depth map led to.

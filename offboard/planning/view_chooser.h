@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,9 +18,10 @@ namespace vantage {
 struct Choice {
   const OccupancyMap& map;                   ///< of all views taken
   const CameraModel& camera;                 ///< of the depth maps
-  std::span<const CandidateView> open;       ///< not visited yet, by id; at least one
+  std::span<const CandidateView> open;       ///< not visited yet and within the way left, by id; at least one
   std::span<const std::int64_t> visited;     ///< ids in order; at least one
   std::span<const Eigen::Isometry3d> poses;  ///< of the visited views, T_world_camera
+  double way_left_m = std::numeric_limits<double>::infinity();  ///< of the run's limit, by straight lines
   /// Of the camera, world, m.
   Eigen::Vector3d position() const { return poses.back().translation(); }
 };

@@ -26,6 +26,15 @@ std::vector<CandidateView> cylinder_views(const CylinderViewsOptions& options) {
   return views;
 }
 
+std::vector<CandidateView> views_within(std::span<const CandidateView> views, const Eigen::Vector3d& position,
+                                        double way_m) {
+  std::vector<CandidateView> within;
+  for (const CandidateView& view : views) {
+    if ((view.T_world_camera.translation() - position).norm() <= way_m) within.push_back(view);
+  }
+  return within;
+}
+
 std::vector<CandidateView> read_views(const std::filesystem::path& path) {
   std::vector<CandidateView> views;
   for (const Eigen::Isometry3d& pose : read_pose_list(path)) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -27,6 +28,10 @@ struct CylinderViewsOptions {
 
 /// Ids count up from 0: ring by ring from below, in a ring by azimuth (counter-clockwise seen from above).
 std::vector<CandidateView> cylinder_views(const CylinderViewsOptions& options = {});
+
+/// Those no farther than `way_m` from `position` (world, m) by a straight line, in their order.
+std::vector<CandidateView> views_within(std::span<const CandidateView> views, const Eigen::Vector3d& position,
+                                        double way_m);
 
 /// Views of a file with lines "x y z qx qy qz qw" (T_world_camera); ids count up from 0 in the file's order.
 /// \throws InputError naming file and line, also for a file without any view.

@@ -91,6 +91,8 @@ void read_planning(YamlMap map, const std::filesystem::path& folder, PlanningCon
   if (planner.most_views < 1) map.fail("most_views", "must be at least 1");
   if (map.has("gain_threshold")) planner.gain_threshold = map.number("gain_threshold");
   if (map.has("most_time")) planner.most_seconds = map.quantity("most_time", Quantity::kDuration);
+  if (map.has("most_way")) planner.most_way_m = map.quantity("most_way", Quantity::kLength);
+  if (planner.most_way_m < 0) map.fail("most_way", "must not be negative");
   map.finish();
 }
 
@@ -170,9 +172,10 @@ std::string to_yaml(const SessionConfig& config) {
     } else {
       text += fmt::format("  method: view_set\n  ground: {}\n", quantity(planning->ground_m, Quantity::kLength));
     }
-    text += fmt::format("  first_view: {}\n  most_views: {}\n  gain_threshold: {}\n  most_time: {}\n",
+    text += fmt::format("  first_view: {}\n  most_views: {}\n  gain_threshold: {}\n  most_time: {}\n  most_way: {}\n",
                         planning->planner.first_view, planning->planner.most_views, planning->planner.gain_threshold,
-                        quantity(planning->planner.most_seconds, Quantity::kDuration));
+                        quantity(planning->planner.most_seconds, Quantity::kDuration),
+                        quantity(planning->planner.most_way_m, Quantity::kLength));
   } else {
     text += "plan: false\n";
   }

@@ -207,6 +207,22 @@ TEST_F(BoxScene, ClampingReachesTheMap) {
   EXPECT_LT(entropy(options()), entropy(narrow));
 }
 
+TEST_F(BoxScene, ARunStaysWhereItsWayEnds) {
+  ExperimentOptions limited = options();
+  const std::vector<MethodStep> whole = run("sequential").steps;
+  limited.most_way_m = whole[2].motion_m + 1e-6;
+  for (const char* method : {"sequential", "view_set", "rear_side_entropy"}) {
+    const std::vector<MethodStep> steps = run_method(*scene_, *truth_, method, limited, kNeverStop)->steps;
+    ASSERT_EQ(steps.size(), whole.size()) << method;
+    EXPECT_LE(steps.back().motion_m, limited.most_way_m) << method;
+    EXPECT_EQ(steps.back().step, whole.back().step) << method;
+  }
+  const std::vector<MethodStep> steps = run_method(*scene_, *truth_, "sequential", limited, kNeverStop)->steps;
+  EXPECT_EQ(steps[2].view_id, whole[2].view_id);
+  EXPECT_EQ(steps.back().view_id, whole[2].view_id);
+  EXPECT_EQ(steps.back().coverage, whole[2].coverage);
+}
+
 TEST(Candidates, StandAtTheRadius) {
   ExperimentOptions near;
   near.view_radius_m = 0.5;

@@ -1,5 +1,6 @@
 #include "offboard/lookahead/view_tour.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -71,6 +72,46 @@ TEST(ViewTour, IsTheBestOfAllWhenAllAreKept) {
         }
       }
     }
+    ASSERT_NEAR(worth(tour, from, scene, 5, options, &cover), best, 1e-4) << "round " << round;
+  }
+}
+
+TEST(ViewTour, IsTheBestOfThoseWithinItsWay) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  ViewTourOptions options;
+  options.length = 3;
+  options.kept = 1000;
+  for (int round = 0; round < 20; ++round) {
+    const RandomScene scene(random, 6);
+    SetCover cover(scene.views, scene.prior);
+    const Eigen::Vector3d from(1, 0, 0);
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& position : scene.positions) nearest = std::min(nearest, (position - from).norm());
+    options.most_way_m = nearest + 1.5 * round / 20;
+    const std::vector<std::size_t> tour = best_tour(from, scene.positions, 5, options, &cover);
+    // All that can't go on: three views, or no other within what is left.
+    double best = -std::numeric_limits<double>::infinity();
+    const auto go_on = [&](const auto& self, std::vector<std::size_t> views, double way_left) -> void {
+      const Eigen::Vector3d at = views.empty() ? from : scene.positions[views.back()];
+      bool ends = true;
+      for (std::size_t view = 0; view < scene.positions.size() && views.size() < options.length; ++view) {
+        const double leg = (scene.positions[view] - at).norm();
+        if (leg > way_left || std::find(views.begin(), views.end(), view) != views.end()) continue;
+        ends = false;
+        views.push_back(view);
+        self(self, views, way_left - leg);
+        views.pop_back();
+      }
+      if (ends) best = std::max(best, worth(views, from, scene, 5, options, &cover));
+    };
+    go_on(go_on, {}, options.most_way_m);
+    double way = 0;
+    for (std::size_t i = 0; i < tour.size(); ++i) {
+      way += (scene.positions[tour[i]] - (i == 0 ? from : scene.positions[tour[i - 1]])).norm();
+    }
+    ASSERT_LE(way, options.most_way_m + 1e-9);
     ASSERT_NEAR(worth(tour, from, scene, 5, options, &cover), best, 1e-4) << "round " << round;
   }
 }

@@ -151,6 +151,21 @@ TEST_F(PlannerTest, StopsAtTheLimitOfTimeByTheMapsOwnTimes) {
   EXPECT_FALSE(planner.take(map_of(*planner.goal(), 6'000'000), &why_)->next);
 }
 
+TEST_F(PlannerTest, GoesNoFartherThanTheLimitOfWay) {
+  Planner planner(volume_, views_on_a_line(6), by_x(), {.first_view = 1, .most_views = 10, .most_way_m = 2.5});
+  auto step = planner.take(map_of(*planner.goal()), &why_);
+  ASSERT_TRUE(step) << why_;
+  EXPECT_EQ(step->scores.size(), 3U) << "0, 2 and 3; not 4, which gains more";
+  ASSERT_EQ(step->next->id, 2);
+  step = planner.take(map_of(*planner.goal()), &why_);
+  ASSERT_EQ(step->scores.size(), 1U) << "1.5 m are left";
+  ASSERT_EQ(step->next->id, 3);
+  step = planner.take(map_of(*planner.goal()), &why_);
+  EXPECT_FALSE(step->next);
+  EXPECT_NE(step->reason.find("within the limit of 2.5"), std::string::npos) << step->reason;
+  EXPECT_EQ(planner.state(), PlannerState::kFinished);
+}
+
 TEST_F(PlannerTest, ARefusedMapChangesNothing) {
   Planner planner(volume_, views_on_a_line(4), by_x(), {});
   DepthMap bad = map_of(*planner.goal());
