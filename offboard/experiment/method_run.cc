@@ -156,12 +156,13 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
   return run;
 }
 
-double area_2_12(const MethodRun& run) {
-  double sum = 0;
+double area_2_12(const MethodRun& run, double most_way_m) {
+  double sum = 0, covered = 0;
   int views = 0;
   for (const MethodStep& step : run.steps) {
+    if (step.motion_m <= most_way_m) covered = step.coverage;
     if (step.step < 2 || step.step > 12) continue;
-    sum += step.coverage;
+    sum += covered;
     ++views;
   }
   return views == 0 ? 0 : sum / views;

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -69,7 +70,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
                                     const ExperimentOptions& options, const std::atomic<bool>& stop);
 
 /// Mean coverage over views 2 to 12: the area under the curve, scaled to [0, 1]. Of a shorter run, over what there is
-/// of them; 0 for a run of one view.
-double area_2_12(const MethodRun& run);
+/// of them; 0 for a run of one view. With `most_way_m`: of the run, ended before it goes farther; what it covers stays.
+double area_2_12(const MethodRun& run, double most_way_m = std::numeric_limits<double>::infinity());
 
 }  // namespace vantage
