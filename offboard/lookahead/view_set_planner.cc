@@ -23,6 +23,13 @@ std::size_t nearest(const Choice& choice) {
   return static_cast<std::size_t>(found - choice.open.begin());
 }
 
+double mean_distance(std::span<const CandidateView> views, const Eigen::Vector3d& point) {
+  constexpr double kLeast = 1e-3;  // at the point itself there is nothing to be seen of it
+  double sum = 0;
+  for (const CandidateView& view : views) sum += (view.T_world_camera.translation() - point).norm();
+  return std::max(kLeast, sum / static_cast<double>(views.size()));
+}
+
 double way_between(const std::vector<TakenView>& views) {
   double way_m = 0;
   for (std::size_t i = 1; i < views.size(); ++i) way_m += (views[i].position - views[i - 1].position).norm();
@@ -35,6 +42,7 @@ ChosenView ViewSetPlanner::choose(const Choice& choice) {
   const Region& region = choice.map.region();
   if (!foot_) {
     foot_ = focus_of(choice.open, region.center(region.size_voxels / 2));
+    distance_m_ = mean_distance(choice.open, *foot_);
     foot_->z() = options_.expected.ground_m;
   }
   for (std::size_t i = taken_.size(); i < choice.visited.size(); ++i) {
@@ -68,8 +76,8 @@ ChosenView ViewSetPlanner::choose(const Choice& choice) {
     const double reference =
         std::pow(first_gain_, options_.first_share) * std::pow(largest_gain, 1 - options_.first_share);
     ViewTourOptions options = options_.tour;
-    const double dearer = way_between(taken_) / options_.dear_after_m;
-    options.way_weight_per_m *= std::max(1.0, dearer * dearer);
+    const double dearer = way_between(taken_) / (options_.dear_after * distance_m_);
+    options.way_weight_per_m = options_.way_weight / distance_m_ * std::max(1.0, dearer * dearer);
     options.most_way_m = choice.way_left_m;
     for (ScoredView& view : chosen.scores) {
       view.utility = view.gain / reference - options.way_weight_per_m * view.cost;

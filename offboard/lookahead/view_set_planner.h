@@ -10,11 +10,13 @@
 
 namespace vantage {
 
+/// Ways count in mean distances of the first choice's views to what they face: the same plan at any scale.
 struct ViewSetOptions {
-  ViewTourOptions tour;
+  ViewTourOptions tour;  ///< its way_weight_per_m and most_way_m are the planner's
   ExpectedViewOptions expected;
   double first_share = 0.6;   ///< of the reference, 0 to 1: first^first_share present^(1 - first_share)
-  double dear_after_m = 3.5;  ///< over 0: after that much way of the run, a metre costs (way / dear_after_m)^2 times
+  double way_weight = 0.013;  ///< worth of the reference gain, for each distance of way
+  double dear_after = 5.3;    ///< distances, over 0: when the run has made more, its way over this, squared, times that
 };
 
 /// Looks further than one view: plans the next views as a set with a tour through it, goes to the tour's first view,
@@ -38,6 +40,7 @@ class ViewSetPlanner : public ViewChooser {
   std::int64_t promising_ = -1;          // id of the view chosen last,
   std::vector<ExpectedVoxel> promised_;  // and what it is expected to see
   std::optional<Eigen::Vector3d> foot_;  // on the ground, below what the views of the first choice face
+  double distance_m_ = 0;                // mean, of these views to that
   double first_gain_ = 0;
 };
 

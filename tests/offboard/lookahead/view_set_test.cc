@@ -221,10 +221,11 @@ TEST_F(BehindAWall, MetresGrowDearWithTheWayThatTheRunHasMade) {
     return (1 - most.utility) / most.cost;
   };
   const ViewSetOptions options;
-  const double price = options.tour.way_weight_per_m;
-  EXPECT_NEAR(price_after(0), price, 1e-9);
-  EXPECT_NEAR(price_after(options.dear_after_m), price, 1e-9);
-  EXPECT_NEAR(price_after(2 * options.dear_after_m), 4 * price, 1e-9);
+  constexpr double kDistance = 0.45;  // mean, of the two views to the region's middle: they face no one point
+  const double price = options.way_weight / kDistance, dear_after_m = options.dear_after * kDistance;
+  EXPECT_NEAR(price_after(0), price, 1e-6);
+  EXPECT_NEAR(price_after(0.99 * dear_after_m), price, 1e-6);
+  EXPECT_NEAR(price_after(2 * dear_after_m), 4 * price, 1e-6);
 }
 
 TEST_F(BehindAWall, WhatIsBelowTheGroundIsNotExpected) {
