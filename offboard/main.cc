@@ -189,7 +189,7 @@ int main(int argc, char** argv) {
   anew->add_option("--gain", arguments.gain, "information gain: combined, rear_side_entropy, occlusion_aware, ...");
   anew->add_option("--first-view", arguments.first_view, "id of the first view");
   anew->add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);
-  anew->add_option("--most-way", arguments.most_way_m, "go no farther in all, m")->check(CLI::PositiveNumber);
+  anew->add_option("--most-way", arguments.most_way_m, "go no farther in all, m")->check(CLI::Range(0.01, 1e5));
   anew->add_option("--gain-threshold", arguments.gain_threshold, "stop when no view gains as much (Eq. 13)");
   anew->add_option("--truth", arguments.truth, "PLY with points of the true surface, for the coverage");
   anew->add_flag("--no-planning", arguments.no_planning, "integrate what comes; choose no views");

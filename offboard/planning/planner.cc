@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "calib/files/input_error.h"
 
 namespace vantage {
@@ -52,12 +54,12 @@ std::optional<PlannerStep> Planner::take(const DepthMap& depth_map, std::string*
 
 void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
   if (steps_ >= options_.most_views) {
-    step->reason = "the limit of " + std::to_string(options_.most_views) + " views is reached";
+    step->reason = fmt::format("the limit of {} views is reached", options_.most_views);
     return;
   }
   const double elapsed_s = static_cast<double>(depth_map.utime - first_utime_) * 1e-6;
   if (options_.most_seconds > 0 && elapsed_s >= options_.most_seconds) {
-    step->reason = "the limit of " + std::to_string(options_.most_seconds) + " s is reached";
+    step->reason = fmt::format("the limit of {} s is reached", options_.most_seconds);
     return;
   }
   if (open_.empty()) {
@@ -70,7 +72,7 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
     choice.way_left_m = options_.most_way_m - path_m_;
     within = views_within(open_, last_position_, choice.way_left_m);
     if (within.empty()) {
-      step->reason = "no view lies within the limit of " + std::to_string(options_.most_way_m) + " m of way";
+      step->reason = fmt::format("no view lies within the limit of {} m of way", options_.most_way_m);
       return;
     }
     choice.open = within;
@@ -81,7 +83,7 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
       !step->scores.empty() && std::all_of(step->scores.begin(), step->scores.end(),
                                            [&](const ScoredView& view) { return view.gain < options_.gain_threshold; });
   if (enough) {  // Eq. 13
-    step->reason = "no view gains " + std::to_string(options_.gain_threshold) + " any more";
+    step->reason = fmt::format("no view gains {} any more", options_.gain_threshold);
     return;
   }
   step->next = choice.open[chosen.place];
