@@ -49,7 +49,26 @@ double worth(const std::vector<std::size_t>& tour, const Eigen::Vector3d& from, 
   return sum;
 }
 
-TEST(ViewTour, IsTheBestOfAllWhenAllAreKept) {
+/// The largest worth of all tours that can't go on: as long as they may be, or no other view within what is left.
+double best_of_all(const std::vector<std::size_t>& views, double way_left, const Eigen::Vector3d& from,
+                   const RandomScene& scene, double reference, const ViewTourOptions& options, SetCover* cover) {
+  const Eigen::Vector3d at = views.empty() ? from : scene.positions[views.back()];
+  double best = -std::numeric_limits<double>::infinity();
+  bool ends = true;
+  for (std::size_t view = 0; view < scene.positions.size() && views.size() < options.length; ++view) {
+    const double leg = (scene.positions[view] - at).norm();
+    if (leg > way_left || std::find(views.begin(), views.end(), view) != views.end()) continue;
+    ends = false;
+    std::vector<std::size_t> longer = views;
+    longer.push_back(view);
+    best = std::max(best, best_of_all(longer, way_left - leg, from, scene, reference, options, cover));
+  }
+  return ends ? worth(views, from, scene, reference, options, cover) : best;
+}
+
+class BestTour : public testing::TestWithParam<double> {};  // way beyond the nearest view
+
+TEST_P(BestTour, IsTheBestOfAllWhenAllAreKept) {
   const unsigned seed = std::random_device{}();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -57,64 +76,25 @@ TEST(ViewTour, IsTheBestOfAllWhenAllAreKept) {
   options.length = 3;
   options.kept = 1000;
   options.way_weight_per_m = 0.1;
+  const Eigen::Vector3d from(1, 0, 0);
   for (int round = 0; round < 20; ++round) {
     const RandomScene scene(random, 7);
     SetCover cover(scene.views, scene.prior);
-    const Eigen::Vector3d from(1, 0, 0);
-    const std::vector<std::size_t> tour = best_tour(from, scene.positions, 5, options, &cover);
-    ASSERT_EQ(tour.size(), 3U);
-    double best = -std::numeric_limits<double>::infinity();
-    for (std::size_t a = 0; a < 7; ++a) {
-      for (std::size_t b = 0; b < 7; ++b) {
-        for (std::size_t c = 0; c < 7; ++c) {
-          if (a == b || b == c || a == c) continue;
-          best = std::max(best, worth({a, b, c}, from, scene, 5, options, &cover));
-        }
-      }
-    }
-    ASSERT_NEAR(worth(tour, from, scene, 5, options, &cover), best, 1e-4) << "round " << round;
-  }
-}
-
-TEST(ViewTour, IsTheBestOfThoseWithinItsWay) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
-  ViewTourOptions options;
-  options.length = 3;
-  options.kept = 1000;
-  for (int round = 0; round < 20; ++round) {
-    const RandomScene scene(random, 6);
-    SetCover cover(scene.views, scene.prior);
-    const Eigen::Vector3d from(1, 0, 0);
     double nearest = std::numeric_limits<double>::infinity();
     for (const Eigen::Vector3d& position : scene.positions) nearest = std::min(nearest, (position - from).norm());
-    options.most_way_m = nearest + 1.5 * round / 20;
+    options.most_way_m = nearest + GetParam();
     const std::vector<std::size_t> tour = best_tour(from, scene.positions, 5, options, &cover);
-    // All that can't go on: three views, or no other within what is left.
-    double best = -std::numeric_limits<double>::infinity();
-    const auto go_on = [&](const auto& self, std::vector<std::size_t> views, double way_left) -> void {
-      const Eigen::Vector3d at = views.empty() ? from : scene.positions[views.back()];
-      bool ends = true;
-      for (std::size_t view = 0; view < scene.positions.size() && views.size() < options.length; ++view) {
-        const double leg = (scene.positions[view] - at).norm();
-        if (leg > way_left || std::find(views.begin(), views.end(), view) != views.end()) continue;
-        ends = false;
-        views.push_back(view);
-        self(self, views, way_left - leg);
-        views.pop_back();
-      }
-      if (ends) best = std::max(best, worth(views, from, scene, 5, options, &cover));
-    };
-    go_on(go_on, {}, options.most_way_m);
     double way = 0;
     for (std::size_t i = 0; i < tour.size(); ++i) {
       way += (scene.positions[tour[i]] - (i == 0 ? from : scene.positions[tour[i - 1]])).norm();
     }
     ASSERT_LE(way, options.most_way_m + 1e-9);
+    const double best = best_of_all({}, options.most_way_m, from, scene, 5, options, &cover);
     ASSERT_NEAR(worth(tour, from, scene, 5, options, &cover), best, 1e-4) << "round " << round;
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(ViewTour, BestTour, testing::Values(0, 0.7, 2, std::numeric_limits<double>::infinity()));
 
 TEST(ViewTour, OfAFewKeptIsHardlyWorse) {
   std::mt19937 random(5);
