@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <unordered_map>
@@ -113,15 +114,11 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
     MethodStep step;
     StopWatch watch;
     if (!visited.empty()) {
-      Choice choice{volume.map(), camera, open, visited, poses};
-      std::vector<CandidateView> within;
-      if (options.most_way_m > 0) {
-        choice.way_left_m = options.most_way_m - motion_m;
-        within = views_within(open, choice.position(), choice.way_left_m);
-        if (within.empty()) break;
-        choice.open = within;
-      }
-      view = choice.open[chooser->choose(choice).place];
+      const double way_left_m =
+          options.most_way_m > 0 ? options.most_way_m - motion_m : std::numeric_limits<double>::infinity();
+      const std::vector<CandidateView> within = views_within(open, poses.back().translation(), way_left_m);
+      if (within.empty()) break;
+      view = within[chooser->choose({volume.map(), camera, within, visited, poses, way_left_m}).place];
     }
     step.choose_s = watch.lap_s();
 

@@ -1,6 +1,7 @@
 #include "offboard/planning/planner.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
@@ -66,18 +67,14 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
     step->reason = "every candidate has been visited";
     return;
   }
-  std::vector<CandidateView> within;
-  Choice choice{volume_.map(), depth_map.camera, open_, visited_, poses_};
-  if (options_.most_way_m > 0) {
-    choice.way_left_m = options_.most_way_m - path_m_;
-    within = views_within(open_, last_position_, choice.way_left_m);
-    if (within.empty()) {
-      step->reason = fmt::format("no view lies within the limit of {} m of way", options_.most_way_m);
-      return;
-    }
-    choice.open = within;
+  const double way_left_m =
+      options_.most_way_m > 0 ? options_.most_way_m - path_m_ : std::numeric_limits<double>::infinity();
+  const std::vector<CandidateView> within = views_within(open_, last_position_, way_left_m);
+  if (within.empty()) {
+    step->reason = fmt::format("no view lies within the limit of {} m of way", options_.most_way_m);
+    return;
   }
-  ChosenView chosen = chooser_->choose(choice);
+  ChosenView chosen = chooser_->choose({volume_.map(), depth_map.camera, within, visited_, poses_, way_left_m});
   step->scores = std::move(chosen.scores);
   const bool enough =
       !step->scores.empty() && std::all_of(step->scores.begin(), step->scores.end(),
@@ -86,7 +83,7 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
     step->reason = fmt::format("no view gains {} any more", options_.gain_threshold);
     return;
   }
-  step->next = choice.open[chosen.place];
+  step->next = within[chosen.place];
   step->reason = std::move(chosen.reason);
 }
 
