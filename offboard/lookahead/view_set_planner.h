@@ -10,7 +10,7 @@
 
 namespace vantage {
 
-/// Ways count in mean distances of the first choice's views to what they face: the same plan at any scale.
+/// Ways count in mean distances of the first choice's views to what they face: the same price at any scale.
 struct ViewSetOptions {
   ViewTourOptions tour;  ///< its way_weight_per_m and most_way_m are the planner's
   ExpectedViewOptions expected;
