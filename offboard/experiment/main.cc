@@ -106,6 +106,7 @@ int run(const Arguments& arguments) {
   settings.clamp_max = options.clamp_max;
   settings.view_radius_m = options.view_radius_m;
   settings.most_way_m = options.most_way_m;
+  settings.gain_threshold = options.gain_threshold;
   if (!arguments.weights.empty()) settings.weights = digest_of_file(arguments.weights);
   for (const ExperimentObject& object : objects) settings.objects.push_back({object.name, object.digest});
   RunStore store(arguments.out, settings, start_of(arguments));
@@ -213,6 +214,11 @@ CLI::App* declare_run(CLI::App* app, Arguments* arguments) {
   command->add_option("--views", arguments->options.views, "of a run")->check(CLI::Range(1, 48))->capture_default_str();
   command->add_option("--most-way", arguments->options.most_way_m, "of a run, m; 0: no limit")
       ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  command
+      ->add_option("--gain-threshold", arguments->options.gain_threshold,
+                   "a run ends when no view gains as much (Eq. 13); 0: none")
+      ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   command->add_option("--seeds", arguments->seeds, "seeds 1 to K, of noise, texture and first view")
       ->check(CLI::Range(1, 10'000))

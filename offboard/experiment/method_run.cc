@@ -118,7 +118,9 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
           options.most_way_m > 0 ? options.most_way_m - motion_m : std::numeric_limits<double>::infinity();
       const std::vector<CandidateView> within = views_within(open, poses.back().translation(), way_left_m);
       if (within.empty()) break;
-      view = within[chooser->choose({volume.map(), camera, within, visited, poses, way_left_m}).place];
+      const ChosenView chosen = chooser->choose({volume.map(), camera, within, visited, poses, way_left_m});
+      if (none_gains(chosen.scores, options.gain_threshold)) break;
+      view = within[chosen.place];
     }
     step.choose_s = watch.lap_s();
 

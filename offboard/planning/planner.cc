@@ -76,10 +76,7 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
   }
   ChosenView chosen = chooser_->choose({volume_.map(), depth_map.camera, within, visited_, poses_, way_left_m});
   step->scores = std::move(chosen.scores);
-  const bool enough =
-      !step->scores.empty() && std::all_of(step->scores.begin(), step->scores.end(),
-                                           [&](const ScoredView& view) { return view.gain < options_.gain_threshold; });
-  if (enough) {  // Eq. 13
+  if (none_gains(step->scores, options_.gain_threshold)) {
     step->reason = fmt::format("no view gains {} any more", options_.gain_threshold);
     return;
   }

@@ -5,6 +5,11 @@
 
 namespace vantage {
 
+bool none_gains(std::span<const ScoredView> views, double threshold) {
+  return !views.empty() &&
+         std::all_of(views.begin(), views.end(), [&](const ScoredView& view) { return view.gain < threshold; });
+}
+
 void compute_utilities(std::vector<ScoredView>* views) {
   double gains = 0, costs = 0;
   for (const ScoredView& view : *views) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 namespace vantage {
@@ -13,6 +14,9 @@ struct ScoredView {
   double cost = 0;     ///< C_v, m
   double utility = 0;  ///< U_v
 };
+
+/// Eq. 13: no view gains `threshold`; false for no views.
+bool none_gains(std::span<const ScoredView> views, double threshold);
 
 /// Eq. 11: U_v = G_v / sum G - C_v / sum C. A zero sum makes its term 0.
 void compute_utilities(std::vector<ScoredView>* views);

@@ -50,20 +50,20 @@ class BoxScene : public testing::Test {
         std::make_shared<const LearnedWeights>(CombinedWeights::robot(), std::vector<LearnedWeights::Object>());
     return options;
   }
-  static MethodRun run(const std::string& method) {
-    return *run_method(*scene_, *truth_, method, options(), kNeverStop);
+  static MethodRun run(const std::string& method, const ExperimentOptions& with = options()) {
+    return *run_method(*scene_, *truth_, method, with, kNeverStop);
   }
   /// Views of a method's run.
-  static std::vector<std::int64_t> ran(const std::string& method) {
+  static std::vector<std::int64_t> ran(const std::string& method, const ExperimentOptions& with = options()) {
     std::vector<std::int64_t> views;
-    for (const MethodStep& step : run(method).steps) views.push_back(step.view_id);
+    for (const MethodStep& step : run(method, with).steps) views.push_back(step.view_id);
     return views;
   }
   /// Views to which a session's planner goes.
-  static std::vector<std::int64_t> planned(std::unique_ptr<ViewChooser> chooser) {
+  static std::vector<std::int64_t> planned(std::unique_ptr<ViewChooser> chooser, double gain_threshold = 0) {
     const SessionConfig session;
     Volume volume(session.region, session.sensor);
-    Planner planner(volume, six_views(), std::move(chooser), {.first_view = 0, .most_views = 6});
+    Planner planner(volume, six_views(), std::move(chooser), {.first_view = 0, .most_views = 6, .gain_threshold = gain_threshold});
     std::vector<std::int64_t> views;
     while (planner.goal()) {
       views.push_back(planner.goal()->id);
@@ -152,10 +152,30 @@ TEST_F(BoxScene, AViewSetsRunIsThePlannersOfTheSession) {
   EXPECT_EQ(ran("view_set"), planned(std::make_unique<ViewSetPlanner>()));
 }
 
+TEST_F(BoxScene, ARunStaysWhereNoViewGainsEnough) {
+  const auto views_taken = [](double gain_threshold) {
+    std::vector<std::int64_t> views = planned(std::make_unique<ViewSetPlanner>(), gain_threshold);
+    const std::size_t taken = views.size();
+    views.resize(6, views.back());  // where the session ends, the experiment's camera stays
+    ExperimentOptions with = options();
+    with.gain_threshold = gain_threshold;
+    EXPECT_EQ(ran("view_set", with), views) << gain_threshold;
+    return taken;
+  };
+  EXPECT_EQ(views_taken(0), 6U);
+  EXPECT_EQ(views_taken(1e6), 1U);
+  const std::size_t some = views_taken(30);
+  EXPECT_GT(some, 1U);
+  EXPECT_LT(some, 6U);
+  ExperimentOptions with = options();
+  with.gain_threshold = 1e6;
+  EXPECT_EQ(ran("sequential", with), ran("sequential")) << "goes by no gain";
+}
+
 TEST_F(BoxScene, WithoutCostAFormulationGoesToTheLargestGain) {
   ExperimentOptions by_gain = options();
   by_gain.choosing.cost_weight = 0;
-  const MethodRun made = *run_method(*scene_, *truth_, "occlusion_aware", by_gain, kNeverStop);
+  const MethodRun made = run("occlusion_aware", by_gain);
   const SessionConfig session;
   Volume volume(session.region, session.sensor);
   const DepthMap first = scene_->depth_map(0);
@@ -185,13 +205,7 @@ TEST_F(BoxScene, TheNearestObjectsWeightsAreChosenByTheFirstView) {
       CombinedWeights::robot(),
       std::vector<LearnedWeights::Object>{{"other", CombinedWeights(), {unlike}}, {"like", entropy, {like}}});
   whole.choosing.learned = std::make_shared<const LearnedWeights>(entropy, std::vector<LearnedWeights::Object>());
-  const auto views = [&](const char* method, const ExperimentOptions& with) {
-    std::vector<std::int64_t> ids;
-    const MethodRun made = *run_method(*scene_, *truth_, method, with, kNeverStop);
-    for (const MethodStep& step : made.steps) ids.push_back(step.view_id);
-    return ids;
-  };
-  EXPECT_EQ(views("combined_nearest", nearest), views("combined_learned", whole));
+  EXPECT_EQ(ran("combined_nearest", nearest), ran("combined_learned", whole));
 }
 
 TEST_F(BoxScene, ClampingReachesTheMap) {
@@ -201,7 +215,7 @@ TEST_F(BoxScene, ClampingReachesTheMap) {
   wide.clamp_max = 0.99;
   narrow.clamp_min = 0.12;
   const auto entropy = [&](const ExperimentOptions& with) {
-    return run_method(*scene_, *truth_, "sequential", with, kNeverStop)->steps.back().entropy_nats;
+    return run("sequential", with).steps.back().entropy_nats;
   };
   EXPECT_LT(entropy(wide), entropy(options()));
   EXPECT_LT(entropy(options()), entropy(narrow));
@@ -212,12 +226,12 @@ TEST_F(BoxScene, ARunStaysWhereItsWayEnds) {
   const std::vector<MethodStep> whole = run("sequential").steps;
   limited.most_way_m = whole[2].motion_m + 1e-6;
   for (const char* method : {"sequential", "view_set", "rear_side_entropy"}) {
-    const std::vector<MethodStep> steps = run_method(*scene_, *truth_, method, limited, kNeverStop)->steps;
+    const std::vector<MethodStep> steps = run(method, limited).steps;
     ASSERT_EQ(steps.size(), whole.size()) << method;
     EXPECT_LE(steps.back().motion_m, limited.most_way_m) << method;
     EXPECT_EQ(steps.back().step, whole.back().step) << method;
   }
-  const std::vector<MethodStep> steps = run_method(*scene_, *truth_, "sequential", limited, kNeverStop)->steps;
+  const std::vector<MethodStep> steps = run("sequential", limited).steps;
   EXPECT_EQ(steps[2].view_id, whole[2].view_id);
   EXPECT_EQ(steps.back().view_id, whole[2].view_id);
   EXPECT_EQ(steps.back().coverage, whole[2].coverage);

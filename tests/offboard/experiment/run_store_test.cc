@@ -110,7 +110,7 @@ TEST_F(Store, RunsMadeOtherwiseAreNotPutBesideEachOther) {
   { const RunStore store(root_, settings_, StoreStart::kNew); }
   const std::vector<StoreSettings::Object> box{{"box", "0123"}};
   std::vector<StoreSettings> others = {settings_of(4, box), settings_of(3, {{"box", "4567"}})};
-  for (int i = 0; i < 7; ++i) others.push_back(settings_of(3, box));
+  for (int i = 0; i < 8; ++i) others.push_back(settings_of(3, box));
   others[2].cost_weight = 0;
   others[3].ray_columns = 160;
   others[4].clamp_min = 0.12;
@@ -118,6 +118,7 @@ TEST_F(Store, RunsMadeOtherwiseAreNotPutBesideEachOther) {
   others[6].view_radius_m = 0.5;
   others[7].weights = "89ab";
   others[8].most_way_m = 5;
+  others[9].gain_threshold = 7;
   for (const StoreSettings& other : others) EXPECT_THROW(RunStore(root_, other, StoreStart::kResume), InputError);
   EXPECT_EQ(RunStore(root_, settings_of(3, {{"ball", "89"}}), StoreStart::kResume).settings().objects.size(), 2U);
 }

@@ -38,6 +38,13 @@ TEST(Utility, TiesGoToTheLowerCostThenToTheLowerId) {
   EXPECT_EQ(next_best_view({}), std::nullopt);
 }
 
+TEST(Utility, NoneGainsWhenAllGainLess) {  // Eq. 13
+  const std::vector<ScoredView> views{{0, 3, 1, 0}, {1, 1, 0, 0}};
+  EXPECT_FALSE(none_gains(views, 3));
+  EXPECT_TRUE(none_gains(views, 3.01));
+  EXPECT_FALSE(none_gains({}, 3)) << "of no views nothing is said";
+}
+
 TEST(ViewSpace, ThePapers48ViewsFaceTheObjectAndStandUpright) {
   const std::vector<CandidateView> views = cylinder_views();
   ASSERT_EQ(views.size(), 48u);
