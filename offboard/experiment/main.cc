@@ -106,7 +106,7 @@ int run(const Arguments& arguments) {
   settings.clamp_max = options.clamp_max;
   settings.view_radius_m = options.view_radius_m;
   settings.most_way_m = options.most_way_m;
-  settings.gain_threshold = options.gain_threshold;
+  settings.known_gain = options.known_gain;
   if (!arguments.weights.empty()) settings.weights = digest_of_file(arguments.weights);
   for (const ExperimentObject& object : objects) settings.objects.push_back({object.name, object.digest});
   RunStore store(arguments.out, settings, start_of(arguments));
@@ -216,8 +216,8 @@ CLI::App* declare_run(CLI::App* app, Arguments* arguments) {
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   command
-      ->add_option("--gain-threshold", arguments->options.gain_threshold,
-                   "a run ends when no view gains as much (Eq. 13); 0: none")
+      ->add_option("--known-gain", arguments->options.known_gain,
+                   "view_set_known ends when no view promises so many voxels of surface (Eq. 13)")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   command->add_option("--seeds", arguments->seeds, "seeds 1 to K, of noise, texture and first view")

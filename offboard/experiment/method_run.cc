@@ -119,7 +119,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
       const std::vector<CandidateView> within = views_within(open, poses.back().translation(), way_left_m);
       if (within.empty()) break;
       const ChosenView chosen = chooser->choose({volume.map(), camera, within, visited, poses, way_left_m});
-      if (none_gains(chosen.scores, options.gain_threshold)) break;
+      if (method == "view_set_known" && none_gains(chosen.scores, options.known_gain)) break;
       view = within[chosen.place];
     }
     step.choose_s = watch.lap_s();
@@ -155,13 +155,12 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
   return run;
 }
 
-double area_2_12(const MethodRun& run, double most_way_m) {
-  double sum = 0, covered = 0;
+double area_2_12(const MethodRun& run) {
+  double sum = 0;
   int views = 0;
   for (const MethodStep& step : run.steps) {
-    if (step.motion_m <= most_way_m) covered = step.coverage;
     if (step.step < 2 || step.step > 12) continue;
-    sum += covered;
+    sum += step.coverage;
     ++views;
   }
   return views == 0 ? 0 : sum / views;

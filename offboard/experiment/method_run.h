@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,7 +18,7 @@ struct ExperimentOptions {
   double clamp_min = 0.03, clamp_max = 0.97;  ///< of the map's probabilities (sensor_model.h)
   double view_radius_m = 0.6;                 ///< of the cylinder and half-sphere of candidates
   double most_way_m = 0;                      ///< of a run; 0: no limit
-  double gain_threshold = 0;                  ///< g_thresh of Eq. 13, of methods that go by a gain; 0: none
+  double known_gain = kKnownGain;             ///< of view_set_known
   double coverage_distance_m = 0.008;         ///< Eq. 14
   std::size_t truth_points = 50'000;
 };
@@ -64,15 +63,14 @@ std::optional<SceneTruth> measure_scene(const SceneViews& scene, const Experimen
                                         const std::atomic<bool>& stop);
 
 /// Depth map → map → choice, `options.views` times or until every candidate is visited; the classes are those of
-/// vantage-offboard. The first view is first_view_of_seed. Where no candidate lies within the limit on the way, or
-/// none gains as much as the threshold, the camera stays: its steps repeat the last one, in no time. Nothing when
-/// `stop` was set before the end.
-/// \pre scene.prepare() was true
+/// vantage-offboard. The first view is first_view_of_seed. Where no candidate lies within the limit on the way, or to
+/// view_set_known none promises enough, the camera stays: its steps repeat the last one, in no time. Nothing when
+/// `stop` was set before the end. \pre scene.prepare() was true
 std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& truth, const std::string& method,
                                     const ExperimentOptions& options, const std::atomic<bool>& stop);
 
 /// Mean coverage over views 2 to 12: the area under the curve, scaled to [0, 1]. Of a shorter run, over what there is
-/// of them; 0 for a run of one view. With `most_way_m`: of the run, ended before it goes farther; what it covers stays.
-double area_2_12(const MethodRun& run, double most_way_m = std::numeric_limits<double>::infinity());
+/// of them; 0 for a run of one view.
+double area_2_12(const MethodRun& run);
 
 }  // namespace vantage

@@ -100,7 +100,8 @@ const std::vector<std::string>& method_names() {
   static const std::vector<std::string> kNames = [] {
     std::vector<std::string> names;
     for (const Formulation formulation : kPaperFormulations) names.emplace_back(name_of(formulation));
-    for (const char* name : {"random", "sequential", "oracle", "view_set", "combined_learned", "combined_nearest"})
+    for (const char* name :
+         {"random", "sequential", "oracle", "view_set", "view_set_known", "combined_learned", "combined_nearest"})
       names.emplace_back(name);
     return names;
   }();
@@ -145,7 +146,7 @@ std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64
   if (method == "oracle") return std::make_unique<OracleChooser>(truth);
   if (method == "combined_learned") return by_gain(Formulation::kCombined, options, options.learned->all());
   if (method == "combined_nearest") return std::make_unique<NearestChooser>(options);
-  if (method == "view_set") return std::make_unique<ViewSetPlanner>();
+  if (method == "view_set" || method == "view_set_known") return std::make_unique<ViewSetPlanner>();
   return by_gain(parse_formulation(method).value(), options);
 }
 

@@ -20,10 +20,15 @@ struct TrueCoverage {
 
 /// The eight formulations of the paper by their names (formulation.h), then `random`, `sequential` (by id, round after
 /// round from the first view), `oracle` (the view that covers most of the true surface not yet covered: the upper bound
-/// for choosing one step ahead, without regard to movement), `view_set` (view_set_planner.h), and `combined` with
-/// learned weights: `combined_learned` (those of the whole training set), `combined_nearest` (those of the training
-/// object nearest to what the first view shows).
+/// for choosing one step ahead, without regard to movement), `view_set` (view_set_planner.h), `view_set_known` (the
+/// same, which ends when the object is known: when no view promises kKnownGain), and `combined` with learned weights:
+/// `combined_learned` (those of the whole training set), `combined_nearest` (those of the training object nearest to
+/// what the first view shows).
 const std::vector<std::string>& method_names();
+
+/// g_thresh of Eq. 13 of `view_set_known`, mean voxels of surface: 0.3 points of coverage of the objects in
+/// docs/experiment.md, which says what other values bring.
+constexpr double kKnownGain = 6;
 
 /// True for the paper's eight.
 bool is_paper_method(std::string_view method);

@@ -204,10 +204,11 @@ void write_report(const RunStore& store, const std::vector<MethodRun>& runs) {
       "largest. &plusmn; is the confidence interval of the mean at 95 % (Student's t over the seeds).</p>\n",
       runs.size(), settings.views, settings.cost_weight, settings.ray_columns, settings.ray_rows, settings.clamp_min,
       settings.clamp_max, settings.view_radius_m,
-      (settings.most_way_m > 0 ? fmt::format(", a way of {} m at most", settings.most_way_m) : "") +
-          (settings.gain_threshold > 0
-               ? fmt::format(", ended when no view gains {} any more (Eq. 13)", settings.gain_threshold)
-               : ""));
+      settings.most_way_m > 0 ? fmt::format(", a way of {} m at most", settings.most_way_m) : "");
+  if (std::any_of(runs.begin(), runs.end(), [](const MethodRun& run) { return run.method == "view_set_known"; })) {
+    html += fmt::format("<p>view_set_known ends when no view promises {} voxels of surface (Eq. 13).</p>\n",
+                        settings.known_gain);
+  }
   html += "<h2>Held against the paper's statements, and ours</h2>\n" + verdict_list(judge_statements(runs, objects));
   if (std::any_of(runs.begin(), runs.end(), [](const MethodRun& run) { return is_paper_method(run.method); })) {
     html += kCauses;
