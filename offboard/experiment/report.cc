@@ -20,7 +20,7 @@ struct Pen {
 };
 
 /// By place in method_names(): the paper's in colours, what they are measured by in grey and black, ours bold.
-constexpr std::array<Pen, 14> kPens = {{{"#1f77b4", 1.5, false},
+constexpr std::array<Pen, 15> kPens = {{{"#1f77b4", 1.5, false},
                                         {"#17becf", 1.5, false},
                                         {"#2ca02c", 1.5, false},
                                         {"#9acd32", 1.5, false},
@@ -32,6 +32,7 @@ constexpr std::array<Pen, 14> kPens = {{{"#1f77b4", 1.5, false},
                                         {"#bbbbbb", 1.5, true},
                                         {"#000000", 1.8, true},
                                         {"#d62728", 3.0, false},
+                                        {"#d62728", 2.0, true},
                                         {"#4b2e83", 2.0, true},
                                         {"#b39ddb", 2.0, true}}};
 
@@ -89,9 +90,10 @@ Plot plot_of(const std::vector<MethodRun>& runs, const std::string& object, cons
     if (of_method.empty()) continue;
     PlotCurve curve = curve_of(of_method, measure.value, scale);
     curve.name = method_names()[m];
-    curve.colour = kPens[m].colour;
-    curve.width = kPens[m].width;
-    curve.dashed = kPens[m].dashed;
+    const Pen& pen = kPens.at(m);
+    curve.colour = pen.colour;
+    curve.width = pen.width;
+    curve.dashed = pen.dashed;
     plot.curves.push_back(std::move(curve));
   }
   if (measure.value == &MethodStep::coverage && count > 0 && !plot.curves.empty()) {
