@@ -119,7 +119,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
       const std::vector<CandidateView> within = views_within(open, poses.back().translation(), way_left_m);
       if (within.empty()) break;
       const ChosenView chosen = chooser->choose({volume.map(), camera, within, visited, poses, way_left_m});
-      if (method == "view_set_known" && none_gains(chosen.scores, options.known_gain)) break;
+      if (none_gains(chosen.scores, gain_threshold_of(method, options.choosing))) break;
       view = within[chosen.place];
     }
     step.choose_s = watch.lap_s();

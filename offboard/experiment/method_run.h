@@ -18,7 +18,6 @@ struct ExperimentOptions {
   double clamp_min = 0.03, clamp_max = 0.97;  ///< of the map's probabilities (sensor_model.h)
   double view_radius_m = 0.6;                 ///< of the cylinder and half-sphere of candidates
   double most_way_m = 0;                      ///< of a run; 0: no limit
-  double known_gain = kKnownGain;             ///< of view_set_known
   double coverage_distance_m = 0.008;         ///< Eq. 14
   std::size_t truth_points = 50'000;
 };
@@ -63,8 +62,8 @@ std::optional<SceneTruth> measure_scene(const SceneViews& scene, const Experimen
                                         const std::atomic<bool>& stop);
 
 /// Depth map → map → choice, `options.views` times or until every candidate is visited; the classes are those of
-/// vantage-offboard. The first view is first_view_of_seed. Where no candidate lies within the limit on the way, or to
-/// view_set_known none promises enough, the camera stays: its steps repeat the last one, in no time. Nothing when
+/// vantage-offboard. The first view is first_view_of_seed. Where no candidate lies within the limit on the way, or none
+/// gains the method's threshold, the camera stays: its steps repeat the last one, in no time. Nothing when
 /// `stop` was set before the end. \pre scene.prepare() was true
 std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& truth, const std::string& method,
                                     const ExperimentOptions& options, const std::atomic<bool>& stop);

@@ -21,14 +21,10 @@ struct TrueCoverage {
 /// The eight formulations of the paper by their names (formulation.h), then `random`, `sequential` (by id, round after
 /// round from the first view), `oracle` (the view that covers most of the true surface not yet covered: the upper bound
 /// for choosing one step ahead, without regard to movement), `view_set` (view_set_planner.h), `view_set_known` (the
-/// same, which ends when the object is known: when no view promises kKnownGain), and `combined` with learned weights:
+/// same, which ends when the object is known), and `combined` with learned weights:
 /// `combined_learned` (those of the whole training set), `combined_nearest` (those of the training object nearest to
 /// what the first view shows).
 const std::vector<std::string>& method_names();
-
-/// g_thresh of Eq. 13 of `view_set_known`, mean voxels of surface: 0.3 points of coverage of the objects in
-/// docs/experiment.md, which says what other values bring.
-constexpr double kKnownGain = 6;
 
 /// True for the paper's eight.
 bool is_paper_method(std::string_view method);
@@ -46,7 +42,11 @@ struct ChooserOptions {
   double cost_weight = 1;                         ///< UtilityChooser's
   int ray_columns = 80, ray_rows = 60;            ///< of gains; these rank views as every pixel would. Not for view_set
   std::shared_ptr<const LearnedWeights> learned;  ///< for combined_learned and combined_nearest
+  double known_gain = 6;  ///< view_set_known's, mean voxels of surface; docs/experiment.md says what others bring
 };
+
+/// g_thresh of Eq. 13: a method's run ends when no view gains as much. 0: it never does.
+double gain_threshold_of(std::string_view method, const ChooserOptions& options);
 
 /// \pre a name of method_names(). `truth` must outlive the chooser; it is read by the oracle alone.
 std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth,

@@ -46,7 +46,7 @@ class BoxScene : public testing::Test {
     ExperimentOptions options;
     options.views = 6;
     options.truth_points = 4000;
-    options.known_gain = 0;  // view_set_known takes all views, as the others do
+    options.choosing.known_gain = 0;  // view_set_known takes all views, as the others do
     options.choosing.learned =
         std::make_shared<const LearnedWeights>(CombinedWeights::robot(), std::vector<LearnedWeights::Object>());
     return options;
@@ -160,7 +160,7 @@ TEST_F(BoxScene, AViewSetsRunEndsWhereTheSessionsPlannerFindsTheObjectKnown) {
     const std::size_t taken = views.size();
     views.resize(6, views.back());  // the experiment's camera stays
     ExperimentOptions with = options();
-    with.known_gain = known_gain;
+    with.choosing.known_gain = known_gain;
     EXPECT_EQ(ran("view_set_known", with), views) << known_gain;
     EXPECT_EQ(ran("view_set", with), ran("view_set")) << "it goes on";
     return taken;
