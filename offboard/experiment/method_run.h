@@ -63,8 +63,8 @@ std::optional<SceneTruth> measure_scene(const SceneViews& scene, const Experimen
 
 /// Depth map → map → choice, `options.views` times or until every candidate is visited; the classes are those of
 /// vantage-offboard. The first view is first_view_of_seed. Where no candidate lies within the limit on the way, or none
-/// gains the method's threshold, the camera stays: its steps repeat the last one, in no time. Nothing when
-/// `stop` was set before the end. \pre scene.prepare() was true
+/// gains the method's threshold, the camera stays: its steps repeat the last one, in no time. Nothing when `stop` was
+/// set before the end. \pre scene.prepare() was true
 std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& truth, const std::string& method,
                                     const ExperimentOptions& options, const std::atomic<bool>& stop);
 

@@ -21,9 +21,8 @@ struct TrueCoverage {
 /// The eight formulations of the paper by their names (formulation.h), then `random`, `sequential` (by id, round after
 /// round from the first view), `oracle` (the view that covers most of the true surface not yet covered: the upper bound
 /// for choosing one step ahead, without regard to movement), `view_set` (view_set_planner.h), `view_set_known` (the
-/// same, which ends when the object is known), and `combined` with learned weights:
-/// `combined_learned` (those of the whole training set), `combined_nearest` (those of the training object nearest to
-/// what the first view shows).
+/// same, which ends when the object is known), and `combined` with learned weights: `combined_learned` (those of the
+/// whole training set), `combined_nearest` (those of the training object nearest to what the first view shows).
 const std::vector<std::string>& method_names();
 
 /// True for the paper's eight.

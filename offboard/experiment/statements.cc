@@ -154,10 +154,9 @@ std::vector<Verdict> judge_statements(const std::vector<MethodRun>& runs, const 
     }
   }
   for (const std::string& object : objects) {
-    for (const char* name : {"view_set", "view_set_known"}) {
-      judge_view_set(name, object, means_of(runs, object), &verdicts);
-    }
-    judge_learned(object, means_of(runs, object), &verdicts);
+    const std::vector<MethodMeans> means = means_of(runs, object);
+    for (const char* name : {"view_set", "view_set_known"}) judge_view_set(name, object, means, &verdicts);
+    judge_learned(object, means, &verdicts);
   }
   return verdicts;
 }
