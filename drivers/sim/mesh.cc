@@ -1,8 +1,11 @@
 #include "drivers/sim/mesh.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstring>
 #include <fstream>
+#include <iterator>
 #include <sstream>
 #include <string>
 
@@ -34,8 +37,15 @@ void check_readable(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path, error)) {
     fail(path, "no such mesh file; scripts/fetch-models fetches the teapot into models/");
   }
-  if (!std::filesystem::is_regular_file(path, error)) fail(path, "is not a file; give a PLY, OBJ or GLB mesh");
+  if (!std::filesystem::is_regular_file(path, error))
+    fail(path, "is not a file; give a PLY, OBJ, GLB, STL or OFF mesh");
   if (!std::ifstream(path)) fail(path, "can't be read; check its permissions");
+}
+
+std::string extension_of(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return extension;
 }
 
 bool is_ply(const std::filesystem::path& path) {
@@ -44,11 +54,35 @@ bool is_ply(const std::filesystem::path& path) {
   return first_line == "ply" || first_line == "ply\r";
 }
 
-/// Refuses indices that lead outside, before assimp's own steps follow them.
-void check_indices(const std::filesystem::path& path, const aiScene& scene) {
+/// Refuses an STL file of text that lacks its end: assimp takes what there is for the whole, or makes up the rest.
+void check_stl_is_whole(const std::filesystem::path& path) {
+  constexpr std::uintmax_t kHeader = 84, kTriangle = 50;  // bytes of the binary form
+  constexpr std::streamoff kTail = 1024;                  // holds the last line, whatever name the solid has
+  std::ifstream file(path, std::ios::binary);
+  std::string bytes(kHeader, '\0');
+  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  if (!bytes.starts_with("solid")) return;
+  const std::uintmax_t size = std::filesystem::file_size(path);
+  if (size >= kHeader) {  // binary files may begin with "solid", too
+    std::uint32_t triangles = 0;
+    std::memcpy(&triangles, bytes.data() + kHeader - sizeof triangles, sizeof triangles);
+    if (size == kHeader + kTriangle * triangles) return;
+  }
+  file.clear();
+  file.seekg(-std::min<std::streamoff>(kTail, static_cast<std::streamoff>(size)), std::ios::end);
+  const std::string tail(std::istreambuf_iterator<char>(file), {});
+  if (tail.find("endsolid") == std::string::npos) fail(path, "has no endsolid; is the file cut short?");
+}
+
+/// Refuses faces without corners (OFF files cut short) and indices that lead outside, before assimp's own steps abort
+/// the program on the former and follow the latter.
+void check_faces(const std::filesystem::path& path, const aiScene& scene) {
   for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
     const aiMesh& part = *scene.mMeshes[m];
     for (unsigned i = 0; i < part.mNumFaces; ++i) {
+      if (part.mFaces[i].mNumIndices == 0) {
+        fail(path, "face " + std::to_string(i) + " has no corners; is the file cut short?");
+      }
       for (unsigned k = 0; k < part.mFaces[i].mNumIndices; ++k) {
         if (part.mFaces[i].mIndices[k] >= part.mNumVertices) {
           fail(path, "face " + std::to_string(i) + " names a vertex that is not there; repair the mesh");
@@ -78,11 +112,12 @@ void append(const std::filesystem::path& path, const aiMesh& part, Mesh* mesh) {
 }
 
 Mesh read_with_assimp(const std::filesystem::path& path) {
+  if (extension_of(path) == ".stl") check_stl_is_whole(path);
   Assimp::Importer importer;
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
   const aiScene* scene = importer.ReadFile(path.string(), 0);
   if (scene != nullptr) {
-    check_indices(path, *scene);
+    check_faces(path, *scene);
     scene =
         importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_PreTransformVertices);
   }
@@ -123,8 +158,7 @@ Eigen::Vector3f Mesh::highest() const {
 }
 
 UpAxis default_up(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string extension = extension_of(path);
   return extension == ".glb" || extension == ".gltf" || extension == ".obj" ? UpAxis::kY : UpAxis::kZ;
 }
 

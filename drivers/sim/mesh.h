@@ -36,8 +36,8 @@ struct MeshOptions {
   std::optional<UpAxis> up;  ///< default_up() of the file when empty
 };
 
-/// Reads an object (PLY of triangles, OBJ, GLB, and whatever else assimp reads), turns it z up, scales it, and sets it
-/// on the ground: lowest point at z = 0, centre of the bounding box at x = y = 0.
+/// Reads an object (PLY of triangles, OBJ, GLB, STL, OFF, and whatever else assimp reads), turns it z up, scales it,
+/// and sets it on the ground: lowest point at z = 0, centre of the bounding box at x = y = 0.
 ///
 /// \throws InputError that names the file: missing, unreadable, cut short, without triangles, with a vertex that is not
 /// finite, without extent; or a size outside [kSmallestObject_m, kLargestObject_m].

@@ -1,7 +1,9 @@
 #include "drivers/sim/mesh.h"
 
 #include <cstdint>
+#include <filesystem>
 #include <limits>
+#include <sstream>
 #include <string>
 
 #include <Eigen/Geometry>
@@ -20,6 +22,29 @@ const std::string kWedgePly =
     "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
     "10 20 30\n12 20 30\n10 21 30\n10 20 34\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+
+const std::string kWedgeOff =
+    "OFF\n4 4 0\n10 20 30\n12 20 30\n10 21 30\n10 20 34\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+
+/// The same in STL's form of text or bytes; its normals are not read.
+std::string wedge_stl(bool binary) {
+  const float points[4][3] = {{10, 20, 30}, {12, 20, 30}, {10, 21, 30}, {10, 20, 34}};
+  const int faces[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  std::ostringstream text;
+  text << "solid wedge\n";
+  std::string bytes = std::string(80, ' ') + std::string("\4\0\0\0", 4);
+  for (const auto& face : faces) {
+    text << "facet normal 0 0 1\nouter loop\n";
+    bytes += std::string(12, '\0');
+    for (const int corner : face) {
+      text << "vertex " << points[corner][0] << ' ' << points[corner][1] << ' ' << points[corner][2] << '\n';
+      bytes.append(reinterpret_cast<const char*>(points[corner]), sizeof points[corner]);
+    }
+    text << "endloop\nendfacet\n";
+    bytes += std::string(2, '\0');
+  }
+  return binary ? bytes : text.str() + "endsolid wedge\n";
+}
 
 /// The triangle (0, 0, 0), (1, 0, 0), (0, 2, 0) under a node that moves it by (0, 5, 0), in glTF's binary form.
 std::string triangle_glb() {
@@ -48,6 +73,18 @@ TEST(Mesh, PlyIsTakenZUpScaledAndSetOnTheGround) {
   const Mesh mesh = load_mesh(folder.write("wedge.ply", kWedgePly), {.size_m = 0.4, .up = {}});
   expect_box(mesh, {-0.1F, -0.05F, 0}, {0.1F, 0.05F, 0.4F});
   EXPECT_EQ(mesh.triangles.size(), 4U);
+}
+
+TEST(Mesh, StlAndOffAreTakenZUp) {
+  const ScratchFolder folder;
+  for (const std::filesystem::path& path :
+       {folder.write("text.stl", wedge_stl(false)), folder.write("bytes.stl", wedge_stl(true)),
+        folder.write("wedge.off", kWedgeOff)}) {
+    SCOPED_TRACE(path);
+    const Mesh mesh = load_mesh(path, {.size_m = 0.4, .up = {}});
+    expect_box(mesh, {-0.1F, -0.05F, 0}, {0.1F, 0.05F, 0.4F});
+    EXPECT_EQ(mesh.triangles.size(), 4U);
+  }
 }
 
 TEST(Mesh, ObjIsTakenYUp) {
@@ -103,12 +140,19 @@ TEST(Mesh, RefusesWhatIsNoMeshAndNamesTheFile) {
   expect_refused(folder / "missing.ply");
   std::filesystem::create_directory(folder / "folder.ply");
   expect_refused(folder / "folder.ply");
-  for (const char* extension : {".ply", ".obj", ".glb", ".stl", ".txt", ""}) {
+  for (const char* extension : {".ply", ".obj", ".glb", ".stl", ".off", ".txt", ""}) {
     expect_refused(folder.write(std::string("empty") + extension, ""));
     expect_refused(folder.write(std::string("text") + extension, "this is\nno mesh\n"));
   }
   for (const std::size_t missing : {3U, 8U, 20U, 40U, 70U}) {
     expect_refused(folder.write("cut.ply", kWedgePly.substr(0, kWedgePly.size() - missing)));
+  }
+  for (const std::size_t missing : {8U, 16U, 24U, 40U, 60U}) {
+    expect_refused(folder.write("cut.off", kWedgeOff.substr(0, kWedgeOff.size() - missing)));
+  }
+  for (const std::size_t missing : {20U, 100U, 200U}) {
+    expect_refused(folder.write("cut.stl", wedge_stl(false).substr(0, wedge_stl(false).size() - missing)));
+    expect_refused(folder.write("cut_bytes.stl", wedge_stl(true).substr(0, wedge_stl(true).size() - missing)));
   }
   expect_refused(folder.write("cut.glb", triangle_glb().substr(0, 100)));
 }
