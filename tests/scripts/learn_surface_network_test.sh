@@ -32,13 +32,15 @@ loss() { tail -n 1 "$1" | sed 's/.*loss //'; }
 "$bin/vantage-experiment" states --objects shapes/shape-6.ply --out states >states.out || fail "states"
 [[ -s states/shape-6-seed1.states ]] || fail "no states"
 
-"$learn" states --out one.bin --steps 12 --batch 2 >one.out || fail "learning: $(cat one.out)"
-"$learn" states --out two.bin --steps 12 --batch 2 >two.out || fail "learning again"
+# One thread: those of OpenMP wait for each other by turning, dear beside other tests.
+"$learn" states --out one.bin --steps 12 --batch 2 --threads 1 >one.out || fail "learning: $(cat one.out)"
+"$learn" states --out two.bin --steps 12 --batch 2 --threads 1 >two.out || fail "learning again"
 cmp one.bin two.bin || fail "the same steps gave another network"
 (($(stat -c %s one.bin) == $(stat -c %s "$root/offboard/lookahead/surface_network.bin"))) || fail "of another size"
 
 # The program's network knows more than one that has hardly begun; it is not changed by a rate of nearly nothing.
-"$learn" states --out on.bin --steps 12 --batch 2 --rate 1e-9 --begin "$root/offboard/lookahead/surface_network.bin" >on.out ||
+"$learn" states --out on.bin --steps 12 --batch 2 --threads 1 --rate 1e-9 \
+  --begin "$root/offboard/lookahead/surface_network.bin" >on.out ||
   fail "going on: $(cat on.out)"
 awk -v new="$(loss one.out)" -v learned="$(loss on.out)" 'BEGIN { exit !(learned < 0.8 * new) }' ||
   fail "loss of the program's network $(loss on.out), of a new one $(loss one.out)"
@@ -47,6 +49,7 @@ grep -q kSurfaceNetworkAnswer answer.h || fail "the answer is no header"
 
 refuses "holds no .states files" "$learn" shapes --out x.bin
 refuses "are needed" "$learn" states
+refuses "at least 1" "$learn" states --out x.bin --threads 0
 refuses "is not a network" "$learn" --answer shapes/shape-6.ply
 refuses "can't be read" "$learn" --answer nowhere.bin
 mkdir -p cut foreign
