@@ -3,64 +3,27 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <numbers>
 #include <vector>
 
 #include <Eigen/Geometry>
 
+#include "offboard/experiment/jointed_shapes.h"
+#include "offboard/experiment/shape_surfaces.h"
 #include "offboard/experiment/split_mix.h"
 
 namespace vantage {
 namespace {
 
 using std::numbers::pi;
-using Surface = std::function<Eigen::Vector3d(double u, double v)>;
-
-/// Adds the surface over [0, 1]^2 as a grid of `columns` x `rows` cells. Where its edges meet, points lie twice.
-void add_surface(const Surface& surface, int columns, int rows, PlyModel* mesh) {
-  const auto first = static_cast<std::uint32_t>(mesh->points.size());
-  for (int j = 0; j <= rows; ++j) {
-    for (int i = 0; i <= columns; ++i) {
-      mesh->points.push_back(surface(static_cast<double>(i) / columns, static_cast<double>(j) / rows).cast<float>());
-    }
-  }
-  const auto at = [&](int i, int j) {
-    return first + static_cast<std::uint32_t>(i) +
-           static_cast<std::uint32_t>(j) * static_cast<std::uint32_t>(columns + 1);
-  };
-  for (int j = 0; j < rows; ++j) {
-    for (int i = 0; i < columns; ++i) {
-      mesh->triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      mesh->triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
-  }
-}
-
-void add_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high, PlyModel* mesh) {
-  for (int axis = 0; axis < 3; ++axis) {
-    for (int side = 0; side < 2; ++side) {
-      add_surface(
-          [&](double u, double v) {
-            Eigen::Vector3d share;
-            share[axis] = side;
-            share[(axis + 1) % 3] = u;
-            share[(axis + 2) % 3] = v;
-            return Eigen::Vector3d(low + share.cwiseProduct(high - low));
-          },
-          1, 1, mesh);
-    }
-  }
-}
-
-void turn(const Eigen::Matrix3d& rotation, PlyModel* mesh) {
-  for (Eigen::Vector3f& p : mesh->points) p = (rotation * p.cast<double>()).cast<float>();
-}
-
 Eigen::Matrix3d any_tilt(SplitMix* random) {
   const double azimuth = random->uniform(0, 2 * pi), tilt = random->uniform(0, pi / 2);
   return (Eigen::AngleAxisd(azimuth, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitX()))
       .toRotationMatrix();
+}
+
+Eigen::Matrix3d about_vertical(SplitMix* random) {
+  return Eigen::AngleAxisd(random->uniform(0, 2 * pi), Eigen::Vector3d::UnitZ()).toRotationMatrix();
 }
 
 /// Barr, "Superquadrics and angle-preserving transformations", 1981.
@@ -196,37 +159,69 @@ PlyModel furniture(SplitMix* random) {
     const Eigen::Vector3d size{random->uniform(0.15, 0.4), random->uniform(0.15, 0.4), random->uniform(0.1, 0.5)};
     add_box({x, y, z}, Eigen::Vector3d(x, y, z) + size, &mesh);
   }
-  turn(Eigen::AngleAxisd(random->uniform(0, 2 * pi), Eigen::Vector3d::UnitZ()).toRotationMatrix(), &mesh);
+  turn(about_vertical(random), &mesh);
   return mesh;
+}
+
+PlyModel shape_of(ShapeKind kind, SplitMix* random) {
+  switch (kind) {
+    case ShapeKind::kSuperquadric:
+      return superquadric(random);
+    case ShapeKind::kKnot:
+      return knot(random);
+    case ShapeKind::kExtrusion:
+      return extrusion(random);
+    case ShapeKind::kBlob:
+      return blob(random);
+    case ShapeKind::kLathe:
+      return lathe(random);
+    case ShapeKind::kCreature:
+      return creature(random);
+    case ShapeKind::kWheel:
+      return wheel(random);
+    case ShapeKind::kMachinePart:
+      return machine_part(random);
+    case ShapeKind::kFurniture:
+      break;
+  }
+  return furniture(random);
+}
+
+/// As things lie about: half as they were made, a third on a side or upside down, the rest anyhow.
+void stretch_and_turn(SplitMix* random, PlyModel* mesh) {
+  const Eigen::Vector3d log_scale{random->uniform(-0.4, 0.4), random->uniform(-0.4, 0.4), random->uniform(-0.4, 0.4)};
+  const Eigen::Vector3d scale = log_scale.array().exp();
+  Eigen::Matrix3d attitude = Eigen::Matrix3d::Identity();
+  const double chance = random->uniform();
+  if (chance > 0.85) {
+    const Eigen::Vector4d q{random->normal(), random->normal(), random->normal(), random->normal()};
+    attitude = Eigen::Quaterniond(q.normalized()).toRotationMatrix();
+  } else if (chance > 0.5) {
+    const int quarters = chance > 0.8 ? 2 : 1;
+    const Eigen::Vector3d axis = chance > 0.65 ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY();
+    attitude = Eigen::AngleAxisd(quarters * pi / 2, axis).toRotationMatrix();
+  }
+  turn(about_vertical(random) * attitude * scale.asDiagonal(), mesh);
 }
 
 }  // namespace
 
 std::string_view name_of(ShapeKind kind) {
-  constexpr std::array<std::string_view, kShapeKinds> kNames = {"superquadric", "knot",  "extrusion",
-                                                                "blob",         "lathe", "furniture"};
+  constexpr std::array<std::string_view, kShapeKinds> kNames = {
+      "superquadric", "knot", "extrusion", "blob", "lathe", "furniture", "creature", "wheel", "machine part"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 
-ShapeKind kind_of_shape(std::uint64_t number) { return static_cast<ShapeKind>((number - 1) % kShapeKinds); }
+ShapeKind kind_of_shape(std::uint64_t number) {
+  const std::uint64_t kinds = number < kFirstTurnedShape ? kStandingKinds : kShapeKinds;
+  return static_cast<ShapeKind>((number - 1) % kinds);
+}
 
 PlyModel procedural_shape(std::uint64_t number) {
   SplitMix random(number);
-  switch (kind_of_shape(number)) {
-    case ShapeKind::kSuperquadric:
-      return superquadric(&random);
-    case ShapeKind::kKnot:
-      return knot(&random);
-    case ShapeKind::kExtrusion:
-      return extrusion(&random);
-    case ShapeKind::kBlob:
-      return blob(&random);
-    case ShapeKind::kLathe:
-      return lathe(&random);
-    case ShapeKind::kFurniture:
-      break;
-  }
-  return furniture(&random);
+  PlyModel mesh = shape_of(kind_of_shape(number), &random);
+  if (number >= kFirstTurnedShape) stretch_and_turn(&random, &mesh);
+  return mesh;
 }
 
 }  // namespace vantage

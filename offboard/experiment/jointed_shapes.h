@@ -1,0 +1,17 @@
+#pragma once
+
+#include "calib/files/ply.h"
+#include "offboard/experiment/split_mix.h"
+
+namespace vantage {
+
+/// Objects put together of simple solids that stand in each other, as made: z up, any size and place.
+
+/// A body on four legs, or on two with arms; neck, head, most with a tail, some with ears or horns.
+PlyModel creature(SplitMix* random);
+/// A rim with a hub and spokes, or a toothed one, flat on the ground.
+PlyModel wheel(SplitMix* random);
+/// Two to five of plates, tubes, bars and flanges along the axes.
+PlyModel machine_part(SplitMix* random);
+
+}  // namespace vantage
