@@ -1,10 +1,8 @@
 #include "offboard/experiment/jointed_shapes.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -23,7 +21,7 @@ void add_pair(std::vector<TubeStation> stations, PlyModel* mesh) {
   add_tube(stations, mesh);
 }
 
-/// A head at the end of a neck: a tube from the nape to the mouth, and what grows on it. `forward`: unit, level.
+/// A head at the end of a neck: a tube from the nape to the mouth, and what grows on it.
 void add_head(const Eigen::Vector3d& nape, double size, SplitMix* random, PlyModel* mesh) {
   const double muzzle = random->uniform(0.6, 2.2) * size, droop = random->uniform(-0.5, 0.2);
   const Eigen::Vector3d mouth = nape + muzzle * Eigen::Vector3d(1, 0, droop);
