@@ -5,7 +5,7 @@
 
 namespace vantage {
 
-/// Objects put together of simple solids that stand in each other, as made: z up, any size and place.
+// Objects put together of simple solids that stand in each other, as made: z up, any size and place.
 
 /// A body on four legs, or on two with arms; neck, head, most with a tail, some with ears or horns.
 PlyModel creature(SplitMix* random);

@@ -16,6 +16,7 @@ namespace vantage {
 namespace {
 
 using std::numbers::pi;
+
 Eigen::Matrix3d any_tilt(SplitMix* random) {
   const double azimuth = random->uniform(0, 2 * pi), tilt = random->uniform(0, pi / 2);
   return (Eigen::AngleAxisd(azimuth, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitX()))
@@ -114,15 +115,14 @@ PlyModel lathe(SplitMix* random) {
   std::array<double, 7> radius{};
   for (double& r : radius) r = random->uniform(0.15, 1);
   const double height = random->uniform(0.8, 2.6), bowl = random->uniform(0, 0.9);
-  const auto profile = [&](double z) {  // Catmull and Rom's spline through the radii
+  const auto profile = [&](double z) {
     const double at = z * (radius.size() - 1);
     const auto i = std::min(static_cast<std::ptrdiff_t>(at), static_cast<std::ptrdiff_t>(radius.size()) - 2);
     const double t = at - static_cast<double>(i);
     const auto r = [&](std::ptrdiff_t k) {
       return radius[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(k, 0, std::ssize(radius) - 1))];
     };
-    const double a = r(i - 1), b = r(i), c = r(i + 1), d = r(i + 2);
-    return std::max(0.1, b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a))));
+    return std::max(0.1, catmull_rom(r(i - 1), r(i), r(i + 1), r(i + 2), t));
   };
   PlyModel mesh;
   const auto at = [&](double r, double angle, double z) {

@@ -12,7 +12,7 @@ namespace {
 
 using std::numbers::pi;
 
-/// Catmull and Rom's spline through the stations, `at` from 0 to their number less one.
+/// On the spline through the stations, `at` from 0 to their number less one.
 TubeStation between(const std::vector<TubeStation>& stations, double at) {
   const auto last = std::ssize(stations) - 1;
   const auto i = std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(at), 0, last - 1);
@@ -21,9 +21,7 @@ TubeStation between(const std::vector<TubeStation>& stations, double at) {
     return stations[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(k, 0, last))];
   };
   const TubeStation a = station(i - 1), b = station(i), c = station(i + 1), d = station(i + 2);
-  const Eigen::Vector3d bend = 2 * a.centre - 5 * b.centre + 4 * c.centre - d.centre;
-  const Eigen::Vector3d turn = 3 * (b.centre - c.centre) + d.centre - a.centre;
-  return {b.centre + 0.5 * t * (c.centre - a.centre + t * (bend + t * turn)), b.radius + t * (c.radius - b.radius)};
+  return {catmull_rom(a.centre, b.centre, c.centre, d.centre, t), b.radius + t * (c.radius - b.radius)};
 }
 
 }  // namespace

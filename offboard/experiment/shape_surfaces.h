@@ -9,6 +9,12 @@
 
 namespace vantage {
 
+/// Catmull and Rom's spline from b (t = 0) to c (t = 1), of numbers or vectors; a and d lie before and behind.
+template <class Value>
+Value catmull_rom(const Value& a, const Value& b, const Value& c, const Value& d, double t) {
+  return b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+}
+
 /// A point of a surface, u and v in [0, 1].
 using Surface = std::function<Eigen::Vector3d(double u, double v)>;
 
