@@ -41,7 +41,7 @@ struct ChooserOptions {
   double cost_weight = 1;                         ///< UtilityChooser's
   int ray_columns = 80, ray_rows = 60;            ///< of gains; these rank views as every pixel would. Not for view_set
   std::shared_ptr<const LearnedWeights> learned;  ///< for combined_learned and combined_nearest
-  double known_gain = 6;  ///< view_set_known's, mean voxels of surface; docs/experiment.md says what others bring
+  double known_gain = 6;  ///< view_set_known's, mean voxels of surface; docs/view_set.md says what others bring
 };
 
 /// g_thresh of Eq. 13: a method's run ends when no view gains as much. 0: it never does.

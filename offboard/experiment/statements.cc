@@ -71,7 +71,7 @@ std::optional<Verdict> judge(const Ordering& ordering, const std::string& object
   return verdict;
 }
 
-/// Ours: what docs/experiment.md promises of `name`, view_set or view_set_known.
+/// Ours: what docs/view_set.md promises of `name`, view_set or view_set_known.
 void judge_view_set(const std::string& name, const std::string& object, const std::vector<MethodMeans>& means,
                     std::vector<Verdict>* verdicts) {
   const MethodMeans* set = find(means, name);
