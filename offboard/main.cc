@@ -26,7 +26,7 @@ namespace {
 struct Arguments {
   std::optional<std::string> config, views, truth, method, gain;
   std::optional<std::int64_t> first_view, most_views;
-  std::optional<double> gain_threshold, most_way_m;
+  std::optional<double> gain_threshold, gain_share, most_way_m;
   bool no_planning = false;
   std::string session;
   bool overwrite = false;
@@ -51,14 +51,16 @@ void apply(const Arguments& arguments, SessionConfig* config) {
   if (arguments.truth) config->truth = *arguments.truth;
   if (arguments.no_planning) config->planning.reset();
   const bool about_planning = arguments.views || arguments.method || arguments.gain || arguments.first_view ||
-                              arguments.most_views || arguments.gain_threshold || arguments.most_way_m;
+                              arguments.most_views || arguments.gain_threshold || arguments.gain_share ||
+                              arguments.most_way_m;
   if (!about_planning) return;
   if (!config->planning) throw InputError("--views, --method and the like: this session plans no views");
   PlanningConfig& planning = *config->planning;
   if (arguments.views) planning.views = *arguments.views;
   if (arguments.first_view) planning.planner.first_view = *arguments.first_view;
   if (arguments.most_views) planning.planner.most_views = *arguments.most_views;
-  if (arguments.gain_threshold) planning.planner.gain_threshold = *arguments.gain_threshold;
+  if (arguments.gain_threshold) planning.planner.enough.gain = *arguments.gain_threshold;
+  if (arguments.gain_share) planning.planner.enough.share = *arguments.gain_share;
   if (arguments.most_way_m) planning.planner.most_way_m = *arguments.most_way_m;
   if (arguments.method) {
     std::string why;
@@ -191,6 +193,9 @@ int main(int argc, char** argv) {
   anew->add_option("--most-views", arguments.most_views, "stop after so many views")->check(CLI::PositiveNumber);
   anew->add_option("--most-way", arguments.most_way_m, "go no farther in all, m")->check(CLI::Range(0.01, 1e5));
   anew->add_option("--gain-threshold", arguments.gain_threshold, "stop when no view gains as much (Eq. 13)");
+  anew->add_option("--gain-share", arguments.gain_share,
+                   "stop when no view gains that share of what the best did at first")
+      ->check(CLI::Range(0.0, 1.0));
   anew->add_option("--truth", arguments.truth, "PLY with points of the true surface, for the coverage");
   anew->add_flag("--no-planning", arguments.no_planning, "integrate what comes; choose no views");
   auto* replay = anew->add_option("--replay", arguments.replay, "replay an LCM log instead of listening to a robot");

@@ -106,7 +106,7 @@ int run(const Arguments& arguments) {
   settings.clamp_max = options.clamp_max;
   settings.view_radius_m = options.view_radius_m;
   settings.most_way_m = options.most_way_m;
-  settings.known_gain = options.choosing.known_gain;
+  settings.known_share = options.choosing.known_share;
   if (!arguments.weights.empty()) settings.weights = digest_of_file(arguments.weights);
   for (const ExperimentObject& object : objects) settings.objects.push_back({object.name, object.digest});
   RunStore store(arguments.out, settings, start_of(arguments));
@@ -216,9 +216,9 @@ CLI::App* declare_run(CLI::App* app, Arguments* arguments) {
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   command
-      ->add_option("--known-gain", arguments->options.choosing.known_gain,
-                   "view_set_known ends when no view promises so many voxels of surface (Eq. 13)")
-      ->check(CLI::Range(0.0, 1e6))
+      ->add_option("--known-share", arguments->options.choosing.known_share,
+                   "view_set_known ends when no view promises that share of what the best promised at first")
+      ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   command->add_option("--seeds", arguments->seeds, "seeds 1 to K, of noise, texture and first view")
       ->check(CLI::Range(1, 10'000))

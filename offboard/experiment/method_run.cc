@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "drivers/sim/surface_samples.h"
+#include "offboard/planning/utility.h"
 #include "offboard/planning/volume.h"
 #include "offboard/session/session_config.h"
 #include "offboard/session/surface_coverage.h"
@@ -106,6 +107,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
   std::vector<Eigen::Isometry3d> poses;
   CameraModel camera;
   double motion_m = 0;
+  GainStop enough({.share = known_share_of(method, options.choosing)});
 
   const auto views = std::min(static_cast<std::size_t>(options.views), scene.candidates().size());
   CandidateView view = open[static_cast<std::size_t>(first_view_of_seed(scene.seed(), scene.candidates().size()))];
@@ -119,7 +121,7 @@ std::optional<MethodRun> run_method(const SceneViews& scene, const SceneTruth& t
       const std::vector<CandidateView> within = views_within(open, poses.back().translation(), way_left_m);
       if (within.empty()) break;
       const ChosenView chosen = chooser->choose({volume.map(), camera, within, visited, poses, way_left_m});
-      if (none_gains(chosen.scores, gain_threshold_of(method, options.choosing))) break;
+      if (enough.reached(chosen.scores)) break;
       view = within[chosen.place];
     }
     step.choose_s = watch.lap_s();

@@ -139,8 +139,8 @@ std::vector<std::string> parse_methods(const std::vector<std::string>& names, bo
   return chosen;
 }
 
-double gain_threshold_of(std::string_view method, const ChooserOptions& options) {
-  return method == "view_set_known" ? options.known_gain : 0;
+double known_share_of(std::string_view method, const ChooserOptions& options) {
+  return method == "view_set_known" ? options.known_share : 0;
 }
 
 std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth,

@@ -41,11 +41,11 @@ struct ChooserOptions {
   double cost_weight = 1;                         ///< UtilityChooser's
   int ray_columns = 80, ray_rows = 60;            ///< of gains; these rank views as every pixel would. Not for view_set
   std::shared_ptr<const LearnedWeights> learned;  ///< for combined_learned and combined_nearest
-  double known_gain = 6;  ///< view_set_known's, mean voxels of surface; docs/view_set.md says what others bring
+  double known_share = 0.008;                     ///< view_set_known's; docs/view_set.md says what others bring
 };
 
 /// g_thresh of Eq. 13: a method's run ends when no view gains as much. 0: it never does.
-double gain_threshold_of(std::string_view method, const ChooserOptions& options);
+double known_share_of(std::string_view method, const ChooserOptions& options);
 
 /// \pre a name of method_names(). `truth` must outlive the chooser; it is read by the oracle alone.
 std::unique_ptr<ViewChooser> make_chooser(const std::string& method, std::uint64_t seed, const TrueCoverage& truth,

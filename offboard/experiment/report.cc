@@ -208,8 +208,8 @@ void write_report(const RunStore& store, const std::vector<MethodRun>& runs) {
       settings.clamp_max, settings.view_radius_m,
       settings.most_way_m > 0 ? fmt::format(", a way of {} m at most", settings.most_way_m) : "");
   if (std::any_of(runs.begin(), runs.end(), [](const MethodRun& run) { return run.method == "view_set_known"; })) {
-    html += fmt::format("<p>view_set_known ends when no view promises {} voxels of surface (Eq. 13).</p>\n",
-                        settings.known_gain);
+    html += fmt::format("<p>view_set_known ends when no view promises {} of what the best promised at first.</p>\n",
+                        settings.known_share);
   }
   html += "<h2>Held against the paper's statements, and ours</h2>\n" + verdict_list(judge_statements(runs, objects));
   if (std::any_of(runs.begin(), runs.end(), [](const MethodRun& run) { return is_paper_method(run.method); })) {

@@ -40,7 +40,7 @@ std::vector<std::array<std::string, 2>> shared_values(const StoreSettings& s) {
           {"clamp", fmt::format("{},{}", s.clamp_min, s.clamp_max)},
           {"view_radius", fmt::format("{}", s.view_radius_m)},
           {"most_way", fmt::format("{}", s.most_way_m)},
-          {"known_gain", fmt::format("{}", s.known_gain)},
+          {"known_share", fmt::format("{}", s.known_share)},
           {"weights", s.weights}};
 }
 
@@ -65,7 +65,7 @@ bool take_setting(const std::vector<std::string>& words, StoreSettings* s) {
   if (name == "clamp") return parse_two(value, ',', &s->clamp_min, &s->clamp_max);
   if (name == "view_radius") return parse(value, &s->view_radius_m);
   if (name == "most_way") return parse(value, &s->most_way_m);
-  if (name == "known_gain") return parse(value, &s->known_gain);
+  if (name == "known_share") return parse(value, &s->known_share);
   if (name == "weights") return s->weights = value, true;
   return false;
 }

@@ -25,7 +25,7 @@ struct StoreSettings {
   double clamp_min = 0.03, clamp_max = 0.97;
   double view_radius_m = 0.6;
   double most_way_m = 0;         ///< 0: no limit
-  double known_gain = 6;         ///< of view_set_known
+  double known_share = 0.008;    ///< of view_set_known
   std::string weights = "none";  ///< digest of the learned weights
   struct Object {
     std::string name, digest;

@@ -12,7 +12,11 @@ namespace vantage {
 
 Planner::Planner(Volume& volume, std::vector<CandidateView> candidates, std::unique_ptr<ViewChooser> chooser,
                  const PlannerOptions& options)
-    : volume_(volume), open_(std::move(candidates)), chooser_(std::move(chooser)), options_(options) {
+    : volume_(volume),
+      open_(std::move(candidates)),
+      chooser_(std::move(chooser)),
+      options_(options),
+      enough_(options.enough) {
   const auto first = std::find_if(open_.begin(), open_.end(),
                                   [&](const CandidateView& view) { return view.id == options_.first_view; });
   if (first == open_.end()) {
@@ -76,8 +80,9 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
   }
   ChosenView chosen = chooser_->choose({volume_.map(), depth_map.camera, within, visited_, poses_, way_left_m});
   step->scores = std::move(chosen.scores);
-  if (none_gains(step->scores, options_.gain_threshold)) {
-    step->reason = fmt::format("no view gains {} any more", options_.gain_threshold);
+  if (enough_.reached(step->scores)) {
+    step->reason = fmt::format("no view gains {} any more, and {} of what the best did at first", options_.enough.gain,
+                               options_.enough.share);
     return;
   }
   step->next = within[chosen.place];

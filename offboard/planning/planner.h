@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lcmtypes/link/depth_map.h"
+#include "offboard/planning/utility.h"
 #include "offboard/planning/view_chooser.h"
 #include "offboard/planning/volume.h"
 
@@ -15,7 +16,7 @@ namespace vantage {
 struct PlannerOptions {
   std::int64_t first_view = 0;   ///< id of the view that is taken without a decision
   std::int64_t most_views = 20;  ///< stop after so many depth maps
-  double gain_threshold = 0;     ///< g_thresh of Eq. 13: stop when no view gains as much; 0: never
+  GainLimit enough = {};         ///< stop when no view gains as much (Eq. 13)
   double most_seconds = 0;       ///< stop so long after the first depth map, by the maps' own times; 0: never
   double most_way_m = 0;         ///< go no farther in all, by straight lines; stop when no view is as near; 0: no limit
 };
@@ -65,6 +66,7 @@ class Planner {
   std::vector<Eigen::Isometry3d> poses_;  // of the visited views
   std::unique_ptr<ViewChooser> chooser_;
   PlannerOptions options_;
+  GainStop enough_;
   PlannerState state_ = PlannerState::kAwaitingMap;
   std::optional<CandidateView> goal_;
   std::int64_t steps_ = 0;

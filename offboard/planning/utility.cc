@@ -5,9 +5,12 @@
 
 namespace vantage {
 
-bool none_gains(std::span<const ScoredView> views, double threshold) {
-  return !views.empty() &&
-         std::all_of(views.begin(), views.end(), [&](const ScoredView& view) { return view.gain < threshold; });
+bool GainStop::reached(std::span<const ScoredView> views) {
+  if (views.empty()) return false;
+  const auto less = [](const ScoredView& a, const ScoredView& b) { return a.gain < b.gain; };
+  const double most = std::max_element(views.begin(), views.end(), less)->gain;
+  if (!first_) first_ = most;
+  return most < limit_.gain || most < limit_.share * *first_;
 }
 
 void compute_utilities(std::vector<ScoredView>* views) {

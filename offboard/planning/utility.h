@@ -15,8 +15,25 @@ struct ScoredView {
   double utility = 0;  ///< U_v
 };
 
-/// Eq. 13: no view gains `threshold`; false for no views.
-bool none_gains(std::span<const ScoredView> views, double threshold);
+/// When a run has gained enough: what no view may reach any more. The share does not depend on the object's size.
+struct GainLimit {
+  double gain = 0;   ///< g_thresh of Eq. 13; 0: never
+  double share = 0;  ///< of what the best view promised at the run's first choice, 0 to 1; 0: never
+};
+
+/// Says when a run has gained enough. Asked once before each choice.
+class GainStop {
+ public:
+  explicit GainStop(const GainLimit& limit) : limit_(limit) {}
+
+  /// No view gains as much as the limit, or its share of the first largest gain; false for no views. The first call's
+  /// views are the reference.
+  bool reached(std::span<const ScoredView> views);
+
+ private:
+  GainLimit limit_;
+  std::optional<double> first_;  // largest gain of the first call
+};
 
 /// Eq. 11: U_v = G_v / sum G - C_v / sum C. A zero sum makes its term 0.
 void compute_utilities(std::vector<ScoredView>* views);

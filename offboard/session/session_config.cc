@@ -89,7 +89,9 @@ void read_planning(YamlMap map, const std::filesystem::path& folder, PlanningCon
   if (map.has("first_view")) planner.first_view = map.integer("first_view");
   if (map.has("most_views")) planner.most_views = map.integer("most_views");
   if (planner.most_views < 1) map.fail("most_views", "must be at least 1");
-  if (map.has("gain_threshold")) planner.gain_threshold = map.number("gain_threshold");
+  if (map.has("gain_threshold")) planner.enough.gain = map.number("gain_threshold");
+  if (map.has("gain_share")) planner.enough.share = map.number("gain_share");
+  if (!(planner.enough.share >= 0 && planner.enough.share <= 1)) map.fail("gain_share", "expected a share, 0 to 1");
   if (map.has("most_time")) planner.most_seconds = map.quantity("most_time", Quantity::kDuration);
   if (map.has("most_way")) planner.most_way_m = map.quantity("most_way", Quantity::kLength);
   if (planner.most_way_m < 0) map.fail("most_way", "must not be negative");
@@ -172,10 +174,11 @@ std::string to_yaml(const SessionConfig& config) {
     } else {
       text += fmt::format("  method: view_set\n  ground: {}\n", quantity(planning->ground_m, Quantity::kLength));
     }
-    text += fmt::format("  first_view: {}\n  most_views: {}\n  gain_threshold: {}\n  most_time: {}\n  most_way: {}\n",
-                        planning->planner.first_view, planning->planner.most_views, planning->planner.gain_threshold,
-                        quantity(planning->planner.most_seconds, Quantity::kDuration),
-                        quantity(planning->planner.most_way_m, Quantity::kLength));
+    const PlannerOptions& planner = planning->planner;
+    text += fmt::format("  first_view: {}\n  most_views: {}\n  gain_threshold: {}\n  gain_share: {}\n",
+                        planner.first_view, planner.most_views, planner.enough.gain, planner.enough.share);
+    text += fmt::format("  most_time: {}\n  most_way: {}\n", quantity(planner.most_seconds, Quantity::kDuration),
+                        quantity(planner.most_way_m, Quantity::kLength));
   } else {
     text += "plan: false\n";
   }

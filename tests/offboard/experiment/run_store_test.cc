@@ -118,7 +118,7 @@ TEST_F(Store, RunsMadeOtherwiseAreNotPutBesideEachOther) {
   others[6].view_radius_m = 0.5;
   others[7].weights = "89ab";
   others[8].most_way_m = 5;
-  others[9].known_gain = 7;
+  others[9].known_share = 0.01;
   for (const StoreSettings& other : others) EXPECT_THROW(RunStore(root_, other, StoreStart::kResume), InputError);
   EXPECT_EQ(RunStore(root_, settings_of(3, {{"ball", "89"}}), StoreStart::kResume).settings().objects.size(), 2U);
 }

@@ -38,11 +38,28 @@ TEST(Utility, TiesGoToTheLowerCostThenToTheLowerId) {
   EXPECT_EQ(next_best_view({}), std::nullopt);
 }
 
-TEST(Utility, NoneGainsWhenAllGainLess) {  // Eq. 13
+TEST(GainStop, IsReachedWhenAllGainLess) {  // Eq. 13
   const std::vector<ScoredView> views{{0, 3, 1, 0}, {1, 1, 0, 0}};
-  EXPECT_FALSE(none_gains(views, 3));
-  EXPECT_TRUE(none_gains(views, 3.01));
-  EXPECT_FALSE(none_gains({}, 3)) << "of no views nothing is said";
+  EXPECT_FALSE(GainStop({.gain = 3}).reached(views));
+  EXPECT_TRUE(GainStop({.gain = 3.01}).reached(views));
+  EXPECT_FALSE(GainStop({.gain = 3}).reached({})) << "of no views nothing is said";
+}
+
+TEST(GainStop, AShareIsOfTheLargestGainOfTheFirstCall) {
+  const std::vector<ScoredView> first{{0, 3, 1, 0}, {1, 8, 0, 0}}, more{{0, 20, 0, 0}}, two{{0, 2, 0, 0}},
+      less{{0, 1.99, 0, 0}};
+  GainStop stop({.share = 0.25});
+  EXPECT_FALSE(stop.reached({}));
+  EXPECT_FALSE(stop.reached(first));
+  EXPECT_FALSE(stop.reached(more)) << "not the reference";
+  EXPECT_FALSE(stop.reached(two));
+  EXPECT_TRUE(stop.reached(less));
+  GainStop both({.gain = 2.5, .share = 0.25});
+  EXPECT_FALSE(both.reached(first));
+  EXPECT_TRUE(both.reached(two)) << "whichever ends first";
+  GainStop none({});
+  EXPECT_FALSE(none.reached(first));
+  EXPECT_FALSE(none.reached(std::vector<ScoredView>{{0, 0, 0, 0}})) << "no limit, no end";
 }
 
 TEST(ViewSpace, ThePapers48ViewsFaceTheObjectAndStandUpright) {
@@ -143,7 +160,7 @@ TEST_F(PlannerTest, StopsAtTheLimitOfViews) {
 }
 
 TEST_F(PlannerTest, StopsWhenNoViewGainsEnough) {  // Eq. 13
-  Planner planner(volume_, views_on_a_line(4), by_x(), {.most_views = 10, .gain_threshold = 2.5});
+  Planner planner(volume_, views_on_a_line(4), by_x(), {.most_views = 10, .enough = {.gain = 2.5}});
   auto step = planner.take(map_of(*planner.goal()), &why_);
   EXPECT_TRUE(step->next);  // view 3 gains 3
   step = planner.take(map_of(views_on_a_line(4)[3]), &why_);

@@ -269,8 +269,11 @@ TEST(SessionConfig, IsReadBackToTheBit) {
   config.sensor.max_range_m = 4.2;
   config.planning->gain = Formulation::kProximityCount;
   config.planning->views = "views.txt";
-  config.planning->planner = {
-      .first_view = 7, .most_views = 11, .gain_threshold = 0.125, .most_seconds = 60, .most_way_m = 4.5};
+  config.planning->planner = {.first_view = 7,
+                              .most_views = 11,
+                              .enough = {.gain = 0.125, .share = 0.25},
+                              .most_seconds = 60,
+                              .most_way_m = 4.5};
   config.truth = "truth.ply";
   config.coverage_distance_m = 0.01;
   const std::string text = to_yaml(config);
