@@ -80,9 +80,8 @@ void Planner::decide(const DepthMap& depth_map, PlannerStep* step) {
   }
   ChosenView chosen = chooser_->choose({volume_.map(), depth_map.camera, within, visited_, poses_, way_left_m});
   step->scores = std::move(chosen.scores);
-  if (enough_.reached(step->scores)) {
-    step->reason = fmt::format("no view gains {} any more, and {} of what the best did at first", options_.enough.gain,
-                               options_.enough.share);
+  if (std::optional<std::string> why = enough_.reached(step->scores)) {
+    step->reason = *std::move(why);
     return;
   }
   step->next = within[chosen.place];

@@ -3,14 +3,21 @@
 #include <algorithm>
 #include <tuple>
 
+#include <fmt/format.h>
+
 namespace vantage {
 
-bool GainStop::reached(std::span<const ScoredView> views) {
-  if (views.empty()) return false;
+std::optional<std::string> GainStop::reached(std::span<const ScoredView> views) {
+  if (views.empty()) return std::nullopt;
   const auto less = [](const ScoredView& a, const ScoredView& b) { return a.gain < b.gain; };
   const double most = std::max_element(views.begin(), views.end(), less)->gain;
   if (!first_) first_ = most;
-  return most < limit_.gain || most < limit_.share * *first_;
+  if (most < limit_.gain) return fmt::format("no view gains {} any more", limit_.gain);
+  if (most < limit_.share * *first_) {
+    return fmt::format("no view gains {:.3g} any more, {} of what the best did at first", limit_.share * *first_,
+                       limit_.share);
+  }
+  return std::nullopt;
 }
 
 void compute_utilities(std::vector<ScoredView>* views) {

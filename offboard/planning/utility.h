@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace vantage {
@@ -26,9 +27,9 @@ class GainStop {
  public:
   explicit GainStop(const GainLimit& limit) : limit_(limit) {}
 
-  /// No view gains as much as the limit, or its share of the first largest gain; false for no views. The first call's
-  /// views are the reference.
-  bool reached(std::span<const ScoredView> views);
+  /// Why it has: no view gains as much as the limit, or its share of the first largest gain. Nothing while one does,
+  /// and for no views. The first call's views are the reference.
+  std::optional<std::string> reached(std::span<const ScoredView> views);
 
  private:
   GainLimit limit_;
