@@ -104,6 +104,26 @@ void place_part(std::size_t first, double spread, SplitMix* random, PlyModel* pa
   shift(offset, part, first);
 }
 
+struct HollowSection {
+  double radius, hole, low, high;
+};
+
+/// What is fixed to a section, from the middle of its wall outwards.
+void add_boss(const HollowSection& on, SplitMix* random, PlyModel* mesh) {
+  const std::size_t first = mesh->points.size();
+  const double inner = 0.5 * (on.hole + on.radius), outer = on.radius + random->uniform(0.05, 0.6);
+  if (random->uniform() < 0.5) {  // a round one
+    const double thick = random->uniform(0.08, 0.4), bore = random->uniform() < 0.4 ? random->uniform(0.3, 0.8) : 0;
+    add_ring([&](double) { return thick; }, bore * thick, inner, outer, mesh);
+    turn(Eigen::AngleAxisd(pi / 2, Eigen::Vector3d::UnitY()).toRotationMatrix(), mesh, first);
+    shift({0, 0, random->uniform(on.low, on.high)}, mesh, first);
+  } else {  // a foot or a rib
+    const double half = random->uniform(0.08, 1) * on.radius, low = random->uniform(-0.3, 0.6);
+    add_box({inner, -half, on.low + low * (on.high - on.low)}, {outer, half, on.high}, mesh);
+  }
+  turn(Eigen::AngleAxisd(random->uniform(0, 2 * pi), Eigen::Vector3d::UnitZ()).toRotationMatrix(), mesh, first);
+}
+
 }  // namespace
 
 PlyModel creature(SplitMix* random) { return random->uniform() < 0.7 ? four_legged(random) : two_legged(random); }
@@ -166,6 +186,36 @@ PlyModel machine_part(SplitMix* random) {
     }
     place_part(first, i == 0 ? 0 : 0.35, random, &mesh);
   }
+  return mesh;
+}
+
+PlyModel hollow_part(SplitMix* random) {
+  std::vector<HollowSection> sections(1 + random->next() % 4);
+  double narrowest = 1, z = 0;
+  for (HollowSection& section : sections) {
+    const double length = random->uniform(0.1, 0.9);
+    section = {random->uniform(0.4, 1), 0, z, z + length};
+    narrowest = std::min(narrowest, section.radius);
+    z += length;
+  }
+  const bool stepped = random->uniform() < 0.5, blind = random->uniform() < 0.25;
+  const double bore = narrowest * random->uniform(0.3, 0.93);
+  for (HollowSection& section : sections) {
+    section.hole = stepped ? section.radius * random->uniform(0.25, 0.93) : bore;
+  }
+  if (blind && sections.size() > 1) sections.front().hole = 0;
+
+  PlyModel mesh;
+  for (const HollowSection& section : sections) {
+    const int corners = random->uniform() < 0.25 ? 2 + static_cast<int>(random->next() % 5) : 0;
+    const double lobe = 0.5 * random->uniform() * (section.radius - section.hole);
+    const auto edge = [&](double angle) {
+      return section.radius - (corners == 0 ? 0 : lobe * (0.5 - 0.5 * std::cos(corners * angle)));
+    };
+    add_ring(edge, section.hole, section.low, section.high, &mesh);
+  }
+  const std::uint64_t bosses = random->next() % 3;
+  for (std::uint64_t i = 0; i < bosses; ++i) add_boss(sections[random->next() % sections.size()], random, &mesh);
   return mesh;
 }
 

@@ -13,5 +13,8 @@ PlyModel creature(SplitMix* random);
 PlyModel wheel(SplitMix* random);
 /// Two to five of plates, tubes, bars and flanges along the axes.
 PlyModel machine_part(SplitMix* random);
+/// Rings of several sizes on one axis, with a bore through all or into one end: sleeves, housings, spools; some with
+/// bosses or a foot outside.
+PlyModel hollow_part(SplitMix* random);
 
 }  // namespace vantage

@@ -261,8 +261,9 @@ CLI::App* declare_states(CLI::App* app, Arguments* arguments) {
 CLI::App* declare_shapes(CLI::App* app, Arguments* arguments) {
   CLI::App* command = app->add_subcommand("shapes", "write procedural objects as shape-N.ply");
   command
-      ->add_option("--first", arguments->first_shape,
-                   "number of the first; from 10000 on of more kinds, stretched, lying on any side")
+      ->add_option(
+          "--first", arguments->first_shape,
+          "number of the first; from 10000 on of more kinds, stretched, lying on any side, from 20000 on hollow parts")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   command->add_option("--count", arguments->shapes, "how many")->check(CLI::Range(1, 1000))->capture_default_str();

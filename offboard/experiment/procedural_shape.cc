@@ -181,6 +181,8 @@ PlyModel shape_of(ShapeKind kind, SplitMix* random) {
       return wheel(random);
     case ShapeKind::kMachinePart:
       return machine_part(random);
+    case ShapeKind::kHollowPart:
+      return hollow_part(random);
     case ShapeKind::kFurniture:
       break;
   }
@@ -207,13 +209,15 @@ void stretch_and_turn(SplitMix* random, PlyModel* mesh) {
 }  // namespace
 
 std::string_view name_of(ShapeKind kind) {
-  constexpr std::array<std::string_view, kShapeKinds> kNames = {
-      "superquadric", "knot", "extrusion", "blob", "lathe", "furniture", "creature", "wheel", "machine part"};
+  constexpr std::array<std::string_view, kShapeKinds> kNames = {"superquadric", "knot",       "extrusion", "blob",
+                                                                "lathe",        "furniture",  "creature",  "wheel",
+                                                                "machine part", "hollow part"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 
 ShapeKind kind_of_shape(std::uint64_t number) {
-  const std::uint64_t kinds = number < kFirstTurnedShape ? kStandingKinds : kShapeKinds;
+  if (number >= kFirstHollowShape) return ShapeKind::kHollowPart;
+  const std::uint64_t kinds = number < kFirstTurnedShape ? kStandingKinds : kTurnedKinds;
   return static_cast<ShapeKind>((number - 1) % kinds);
 }
 

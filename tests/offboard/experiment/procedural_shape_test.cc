@@ -18,10 +18,11 @@
 namespace vantage {
 namespace {
 
-/// One and a half rounds of the kinds from either range.
+/// One and a half rounds of the kinds from each range.
 std::vector<std::uint64_t> some_numbers() {
   std::vector<std::uint64_t> numbers;
-  for (std::uint64_t i = 0; i < 18; ++i) numbers.insert(numbers.end(), {1 + i, kFirstTurnedShape + i});
+  for (std::uint64_t i = 0; i < 18; ++i)
+    numbers.insert(numbers.end(), {1 + i, kFirstTurnedShape + i, kFirstHollowShape + i});
   return numbers;
 }
 
@@ -30,7 +31,7 @@ TEST(ProceduralShape, OfANumberIsAlwaysTheSame) {
     const PlyModel a = procedural_shape(number), b = procedural_shape(number);
     EXPECT_EQ(a.points, b.points) << number;
     EXPECT_EQ(a.triangles, b.triangles) << number;
-    const int kinds = number < kFirstTurnedShape ? kStandingKinds : kShapeKinds;
+    const int kinds = number < kFirstTurnedShape ? kStandingKinds : number < kFirstHollowShape ? kTurnedKinds : 1;
     EXPECT_EQ(kind_of_shape(number), kind_of_shape(number + kinds));
     EXPECT_NE(a.points, procedural_shape(number + kinds).points) << number << " and the next of its kind";
   }
@@ -43,8 +44,9 @@ TEST(ProceduralShape, EachKindTakesItsTurn) {
     return found.size();
   };
   EXPECT_EQ(names(1, kStandingKinds), std::size_t{kStandingKinds});
-  EXPECT_EQ(names(1, kShapeKinds), std::size_t{kStandingKinds});
-  EXPECT_EQ(names(kFirstTurnedShape, kShapeKinds), std::size_t{kShapeKinds});
+  EXPECT_EQ(names(1, kTurnedKinds), std::size_t{kStandingKinds});
+  EXPECT_EQ(names(kFirstTurnedShape, kTurnedKinds), std::size_t{kTurnedKinds});
+  EXPECT_EQ(names(kFirstHollowShape, kTurnedKinds), 1U);
   EXPECT_EQ(kind_of_shape(2), ShapeKind::kKnot);
   EXPECT_EQ(kind_of_shape(kFirstTurnedShape), ShapeKind::kSuperquadric);
 }
@@ -69,7 +71,7 @@ TEST(ProceduralShape, IsAnObjectThatCanBeLookedAt) {
 TEST(ProceduralShape, TurnedOnesLieOnAnySide) {
   std::set<int> longest;
   for (std::uint64_t i = 0; i < 40; ++i) {
-    const PlyModel shape = procedural_shape(kFirstTurnedShape + 6 + i * kShapeKinds);  // creatures
+    const PlyModel shape = procedural_shape(kFirstTurnedShape + 6 + i * kTurnedKinds);  // creatures
     Eigen::AlignedBox3f box;
     for (const Eigen::Vector3f& point : shape.points) box.extend(point);
     int axis = 0;
